@@ -1,0 +1,94 @@
+"""What a session gives when it is read: one frozen record of columns per stream.
+
+All stamps are measurement times in nanoseconds UTC (int64), increasing; all units SI; all angles
+counter-clockwise in radians. n is the number of messages.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from geometry import Floats, Stamps
+
+
+@dataclass(frozen=True, eq=False)
+class Odometry:
+    """Dead-reckoned motion of the car as one source tells it.
+
+    t_ns : (n,); pose_odom_base : (n, 3), x y heading of the car in the frame the source began in;
+    speed_m_s, yaw_rate_rad_s : (n,), forward speed and turn rate.
+    """
+
+    source: str
+    t_ns: Stamps
+    pose_odom_base: Floats
+    speed_m_s: Floats
+    yaw_rate_rad_s: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Scans:
+    """Lidar revolutions, beams in one row of columns.
+
+    t_ns : (n,) time of the first beam; starts : (n + 1,), revolution k owns beams
+    `starts[k]:starts[k + 1]`; beam_t_ns, range_m, bearing_rad, intensity : (beams,), in the lidar
+    frame. A beam without echo has range NaN; intensity is NaN where the lidar gives none.
+    """
+
+    t_ns: Stamps
+    starts: npt.NDArray[np.int64]
+    beam_t_ns: Stamps
+    range_m: Floats
+    bearing_rad: Floats
+    intensity: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Imu:
+    """Inertial measurements in the IMU frame.
+
+    t_ns : (n,); angular_velocity_rad_s, linear_acceleration_m_s2 : (n, 3), the latter with gravity.
+    """
+
+    t_ns: Stamps
+    angular_velocity_rad_s: Floats
+    linear_acceleration_m_s2: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class VescState:
+    """Telemetry of the motor controller.
+
+    t_ns : (n,); speed_erpm : electrical turns per minute; tachometer : counts, six per electrical
+    turn; voltage_v, motor_current_a, duty : (n,).
+    """
+
+    t_ns: Stamps
+    speed_erpm: Floats
+    tachometer: Floats
+    voltage_v: Floats
+    motor_current_a: Floats
+    duty: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """Range and bearing of landmarks as seen from the car.
+
+    t_ns : (m,), one per observation, non-decreasing, equal within one scan;
+    landmark_id : (m,) int64, -1 where the sensor does not know; range_m, bearing_rad : (m,).
+    """
+
+    t_ns: Stamps
+    landmark_id: npt.NDArray[np.int64]
+    range_m: Floats
+    bearing_rad: Floats
+
+    @property
+    def batch_starts(self) -> npt.NDArray[np.int64]:
+        """(k + 1,): observations of scan j are `batch_starts[j]:batch_starts[j + 1]`."""
+        changes = np.flatnonzero(np.diff(self.t_ns)) + 1
+        return np.concatenate([[0], changes, [self.t_ns.size]]).astype(np.int64)

@@ -1,0 +1,18 @@
+"""How trackside speaks to a person: the error that can be acted on, tables, progress.
+
+The lowest floor. Every other room uses it; it knows none of them.
+"""
+
+from dialogue.errors import TracksideError, UsageError, nearest_names
+from dialogue.progress import Progress
+from dialogue.table import TABLE_FORMATS, Cell, Table
+
+__all__ = [
+    "TABLE_FORMATS",
+    "Cell",
+    "Progress",
+    "Table",
+    "TracksideError",
+    "UsageError",
+    "nearest_names",
+]
