@@ -90,5 +90,5 @@ class Observations:
     @property
     def batch_starts(self) -> npt.NDArray[np.int64]:
         """(k + 1,): observations of scan j are `batch_starts[j]:batch_starts[j + 1]`."""
-        changes = np.flatnonzero(np.diff(self.t_ns)) + 1
-        return np.concatenate([[0], changes, [self.t_ns.size]]).astype(np.int64)
+        first = np.flatnonzero(np.diff(self.t_ns, prepend=self.t_ns[:1] - 1))
+        return np.append(first, self.t_ns.size).astype(np.int64)

@@ -42,7 +42,7 @@ class Progress:
             from rich.progress import Progress as RichBar
 
             self._bar = RichBar(
-                TextColumn("{task.description}"),
+                TextColumn("{task.description}", markup=False),
                 BarColumn(),
                 MofNCompleteColumn(),
                 TextColumn("{task.fields[rate]}"),
@@ -67,8 +67,8 @@ class Progress:
         """Note that `steps` more are done."""
         self._done += steps
         if self._bar is not None:
-            rate = self._done / max(self._clock_s() - self._started_s, 1e-9)
-            self._bar.update(self._bar.task_ids[0], advance=steps, rate=f"{rate:.0f}/s")
+            rate = f"{self._rate(self._clock_s()):.1f}/s"
+            self._bar.update(self._bar.task_ids[0], advance=steps, rate=rate)
             return
         now_s = self._clock_s()
         if now_s - self._spoke_s >= PLAIN_PERIOD_S:
@@ -76,6 +76,9 @@ class Progress:
             self._stream.write(self._plain_line(now_s) + "\n")
 
     def _plain_line(self, now_s: float) -> str:
-        rate = self._done / max(now_s - self._started_s, 1e-9)
-        left_s = (self._total - self._done) / max(rate, 1e-9)
-        return f"{self._label}: {self._done}/{self._total}, {rate:.0f}/s, {left_s:.0f} s left"
+        rate = self._rate(now_s)
+        left_s = max(self._total - self._done, 0) / max(rate, 1e-9)
+        return f"{self._label}: {self._done}/{self._total}, {rate:.1f}/s, {left_s:.0f} s left"
+
+    def _rate(self, now_s: float) -> float:
+        return self._done / max(now_s - self._started_s, 1e-9)

@@ -9,12 +9,15 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from dialogue.errors import UsageError, nearest_names
+
 Cell = str | float | int | None
 
 TABLE_FORMATS = ("table", "json", "csv", "latex", "md")
 
 _LATEX_ESCAPES = str.maketrans(
-    {"_": r"\_", "%": r"\%", "&": r"\&", "#": r"\#", "$": r"\$", "{": r"\{", "}": r"\}"}
+    {mark: rf"\{mark}" for mark in "_%&#${}"}
+    | {"\\": r"\textbackslash{}", "^": r"\textasciicircum{}", "~": r"\textasciitilde{}"}
 )
 
 
@@ -22,7 +25,8 @@ _LATEX_ESCAPES = str.maketrans(
 class Table:
     """Rows under named columns; numbers are rounded only for the eye, never in json or csv.
 
-    `columns` carry their unit ("pose [m]"); a None cell is an undefined value.
+    `columns` carry their unit ("pose [m]") and differ; a None cell is an undefined value.
+    `title` and `note` stand around the rows, except in csv and latex, which hold rows only.
     """
 
     columns: tuple[str, ...]
@@ -32,12 +36,17 @@ class Table:
     digits: int = 3
 
     def __post_init__(self) -> None:
+        if len(set(self.columns)) != len(self.columns):
+            raise ValueError(f"two columns of one name in {self.columns!r}")
         for row in self.rows:
             if len(row) != len(self.columns):
                 raise ValueError(f"row {row!r} does not fit the columns {self.columns!r}")
 
     def render(self, table_format: str) -> str:
-        """The table as text in one of `TABLE_FORMATS`, without a newline at its end."""
+        """The table as text, without a newline at its end.
+
+        Raises `UsageError` when `table_format` is not one of `TABLE_FORMATS`.
+        """
         renderers: dict[str, Callable[[], str]] = {
             "table": self._plain,
             "json": self._json,
@@ -45,36 +54,42 @@ class Table:
             "latex": self._latex,
             "md": self._markdown,
         }
+        if table_format not in renderers:
+            hint = nearest_names(table_format, TABLE_FORMATS)
+            raise UsageError(f"there is no table format {table_format!r}; {hint}")
         return renderers[table_format]()
 
     def _texts(self) -> list[list[str]]:
         return [[_text(cell, self.digits) for cell in row] for row in self.rows]
 
+    def _numeric(self) -> list[bool]:
+        """For each column whether it holds numbers only, and is thus set flush right."""
+        if not self.rows:
+            return [False] * len(self.columns)
+        columns = zip(*self.rows, strict=True)
+        return [all(not isinstance(cell, str) for cell in column) for column in columns]
+
     def _plain(self) -> str:
         texts = self._texts()
         widths = [max(map(len, column)) for column in zip(self.columns, *texts, strict=True)]
-        right = [_is_numeric(column) for column in zip(*self.rows, strict=True)] or [False] * len(
-            widths
-        )
+        right = self._numeric()
         lines = [_aligned(self.columns, widths, right), "  ".join("-" * w for w in widths)]
         lines += [_aligned(row, widths, right) for row in texts]
         return "\n".join([self.title] * bool(self.title) + lines + [self.note] * bool(self.note))
 
     def _markdown(self) -> str:
-        lines = ["| " + " | ".join(self.columns) + " |", "|" + " --- |" * len(self.columns)]
-        lines += [
-            "| " + " | ".join(t.replace("|", r"\|") for t in row) + " |" for row in self._texts()
-        ]
+        rules = ["---:" if right else "---" for right in self._numeric()]
+        rows = [self.columns, rules, *self._texts()]
+        lines = ["| " + " | ".join(t.replace("|", r"\|") for t in row) + " |" for row in rows]
         head = [f"**{self.title}**", ""] if self.title else []
         return "\n".join(head + lines + (["", self.note] if self.note else []))
 
     def _latex(self) -> str:
-        right = [_is_numeric(column) for column in zip(*self.rows, strict=True)]
-        spec = "".join("r" if r else "l" for r in right) or "l" * len(self.columns)
-        rows = [
-            " & ".join(t.translate(_LATEX_ESCAPES) for t in row) + r" \\" for row in self._texts()
+        spec = "".join("r" if right else "l" for right in self._numeric())
+        head, *rows = [
+            " & ".join(t.translate(_LATEX_ESCAPES) for t in row) + r" \\"
+            for row in (self.columns, *self._texts())
         ]
-        head = " & ".join(c.translate(_LATEX_ESCAPES) for c in self.columns) + r" \\"
         body = [rf"\begin{{tabular}}{{{spec}}}", r"\hline", head, r"\hline", *rows, r"\hline"]
         return "\n".join([*body, r"\end{tabular}"])
 
@@ -104,10 +119,6 @@ def _text(cell: Cell, digits: int) -> str:
 def _finite(cell: Cell) -> Cell:
     """JSON has no NaN and no infinity: both become null."""
     return None if isinstance(cell, float) and not math.isfinite(cell) else cell
-
-
-def _is_numeric(column: tuple[Cell, ...]) -> bool:
-    return all(not isinstance(cell, str) for cell in column)
 
 
 def _aligned(texts: list[str] | tuple[str, ...], widths: list[int], right: list[bool]) -> str:

@@ -28,7 +28,9 @@ class LandmarkMap:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ids", frozen(self.ids, np.int64))
-        positions = frozen(np.asarray(self.positions, dtype=np.float64).reshape(-1, 2), np.float64)
+        positions = frozen(self.positions, np.float64)
+        # An empty list has no second axis, but is a fine list of no positions.
+        positions = positions if positions.size else positions.reshape(0, 2)
         object.__setattr__(self, "positions", positions)
         if self.covariances is not None:
             object.__setattr__(self, "covariances", frozen(self.covariances, np.float64))
@@ -36,8 +38,11 @@ class LandmarkMap:
 
     def _check(self) -> None:
         n = self.ids.size
-        if self.positions.shape != (n, 2):
-            raise LandmarkMapError(f"{self.positions.shape[0]} positions for {n} ids")
+        if self.ids.shape != (n,) or self.positions.shape != (n, 2):
+            raise LandmarkMapError(
+                f"ids have shape {self.ids.shape} and positions {self.positions.shape}, "
+                "expected (n,) and (n, 2)"
+            )
         values, counts = np.unique(self.ids, return_counts=True)
         if np.any(counts > 1):
             twice = ", ".join(str(i) for i in values[counts > 1][:5])
@@ -53,14 +58,13 @@ class LandmarkMap:
             self._check_covariances(self.covariances)
 
     def _check_covariances(self, covariances: Floats) -> None:
-        symmetric = np.isclose(covariances[:, 0, 1], covariances[:, 1, 0], rtol=1e-6, atol=1e-12)
-        trace = covariances[:, 0, 0] + covariances[:, 1, 1]
-        determinant = (
-            covariances[:, 0, 0] * covariances[:, 1, 1]
-            - covariances[:, 0, 1] * covariances[:, 1, 0]
-        )
-        # "not (>=)" catches NaN as well; a rank-one covariance may round to just below zero.
-        bad = np.flatnonzero(~(symmetric & (trace >= 0) & (determinant >= -1e-9 * trace**2)))
+        finite = np.isfinite(covariances)
+        values = np.where(finite, covariances, 0.0)
+        size = np.abs(values).max(axis=(1, 2))
+        skew = np.abs(values[:, 0, 1] - values[:, 1, 0])
+        # A rank-one covariance may round to just below zero.
+        negative = np.linalg.eigvalsh(values)[:, 0] < -1e-9 * size
+        bad = np.flatnonzero(~finite.all(axis=(1, 2)) | (skew > 1e-6 * size) | negative)
         if bad.size:
             raise LandmarkMapError(
                 f"the covariance of landmark {self.ids[bad[0]]} is not a covariance matrix: "

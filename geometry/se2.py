@@ -31,7 +31,7 @@ def between(pose_a_b: Floats, pose_a_c: Floats) -> Floats:
 
 
 def transform_points(pose_a_b: Floats, points_b: Floats) -> Floats:
-    """Points given in b, expressed in a; (..., 2) for each pose, or (n, 2) for one pose."""
+    """Points (n, 2) given in b, expressed in a: under one pose (3,) or each its own (n, 3)."""
     x, y, heading = pose_a_b[..., 0], pose_a_b[..., 1], pose_a_b[..., 2]
     cos, sin = np.cos(heading), np.sin(heading)
     return np.stack(

@@ -7,9 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from geometry.angles import Floats
+from geometry.angles import Floats, wrap
 from geometry.errors import TrajectoryError
-from geometry.trajectory import Stamps, Trajectory, check_columns, covers, frozen, rate_hz
+from geometry.trajectory import (
+    Stamps,
+    Trajectory,
+    bracket,
+    check_column,
+    check_stamps,
+    covers,
+    frozen,
+    rate_hz,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,16 +36,17 @@ class SpacePath:
     def __post_init__(self) -> None:
         object.__setattr__(self, "t_ns", frozen(self.t_ns, np.int64))
         object.__setattr__(self, "positions", frozen(self.positions, np.float64))
-        columns = {"position": self.positions, "quaternion": np.asarray(self.quaternions)}
-        check_columns(self.t_ns, columns)
-        norms = np.linalg.norm(self.quaternions, axis=1)
+        raw = np.asarray(self.quaternions, dtype=np.float64)
+        check_stamps(self.t_ns)
+        check_column("positions", self.positions, (len(self), 3))
+        check_column("quaternions", raw, (len(self), 4))
+        norms = np.linalg.norm(raw, axis=1)
         off = np.flatnonzero(np.abs(norms - 1.0) > 0.01)
         if off.size:
             raise TrajectoryError(
                 f"the quaternion of pose {off[0]} has length {norms[off[0]]:.3f}, expected 1"
             )
-        quaternions = self.quaternions / norms[:, None]
-        object.__setattr__(self, "quaternions", frozen(quaternions, np.float64))
+        object.__setattr__(self, "quaternions", frozen(raw / norms[:, None], np.float64))
 
     def __len__(self) -> int:
         return int(self.t_ns.size)
@@ -56,35 +66,36 @@ class SpacePath:
         return SpacePath(self.t_ns[mask], self.positions[mask], self.quaternions[mask])
 
     def interpolated(self, t_ns: Stamps) -> SpacePath:
-        """Poses at other times within ours: positions linear, rotations along the great arc."""
-        right = np.clip(np.searchsorted(self.t_ns, t_ns, side="left"), 1, max(len(self) - 1, 1))
-        if len(self) == 1:
-            right = np.zeros_like(right)
-        left = np.maximum(right - 1, 0)
-        span = np.maximum(self.t_ns[right] - self.t_ns[left], 1)
-        fraction = ((t_ns - self.t_ns[left]) / span)[:, None]
-        if np.any((fraction < 0) | (fraction > 1)):
-            raise TrajectoryError("stamps outside the path; poses are never extrapolated")
-        positions = (1 - fraction) * self.positions[left] + fraction * self.positions[right]
-        return SpacePath(
-            t_ns, positions, _slerp(self.quaternions[left], self.quaternions[right], fraction)
-        )
+        """Poses at other times: positions linear, rotations along the great arc.
+
+        `t_ns` (m,), increasing, must lie within the first and last stamp: nothing is extrapolated
+        (`TrajectoryError`). Ask `covers` first which of your stamps have data near them.
+        """
+        before, after, fraction = bracket(self.t_ns, t_ns)
+        weights = fraction[:, None]
+        positions = (1 - weights) * self.positions[before] + weights * self.positions[after]
+        turned = _slerp(self.quaternions[before], self.quaternions[after], weights)
+        return SpacePath(t_ns, positions, turned)
 
     def covers(self, t_ns: Stamps, max_gap_s: float) -> npt.NDArray[np.bool_]:
-        """(m,): true where a stamp lies inside and not in a gap longer than `max_gap_s`."""
+        """(m,): true where a stamp lies inside and not in a gap longer than `max_gap_s`.
+
+        A stamp that coincides with one of ours is covered whatever the gaps around it.
+        """
         return covers(self.t_ns, t_ns, max_gap_s)
 
     def out_of_plane(self) -> tuple[float, float]:
         """How far the path leaves the plane: height range in metres, largest tilt in radians."""
         height_m = float(np.ptp(self.positions[:, 2]))
-        # The z axis of the body against the vertical: element (2, 2) is the cosine of the tilt.
-        tilt = float(np.arccos(np.clip(self.rotations[:, 2, 2], -1.0, 1.0)).max())
-        return height_m, tilt
+        up = self.rotations[:, :, 2]
+        # Not the arccos of the last: it would lose every tilt below 1e-8.
+        tilt_rad = np.arctan2(np.hypot(up[:, 0], up[:, 1]), up[:, 2])
+        return height_m, float(tilt_rad.max())
 
     def planar(self) -> Trajectory:
         """The shadow on the floor: x, y and the yaw of each pose."""
         rotations = self.rotations
-        heading = np.arctan2(rotations[:, 1, 0], rotations[:, 0, 0])
+        heading = wrap(np.arctan2(rotations[:, 1, 0], rotations[:, 0, 0]))
         return Trajectory(self.t_ns, self.positions[:, 0], self.positions[:, 1], heading)
 
 
@@ -102,14 +113,13 @@ def rotation_matrices(quaternions: Floats) -> Floats:
 def _slerp(start: Floats, end: Floats, fraction: Floats) -> Floats:
     """Unit quaternions (n, 4) between two, at fractions (n, 1). Shoemake, SIGGRAPH 1985."""
     cosine = np.sum(start * end, axis=1, keepdims=True)
+    # q and -q are one rotation: take the end on the near side, or the path would turn the long way.
     end = np.where(cosine < 0, -end, end)
-    angle = np.arccos(np.clip(np.abs(cosine), 0.0, 1.0))
-    sine = np.sin(angle)
-    # Nearly equal rotations: the chord is the arc, and the division by the sine would be 0/0.
-    near = sine < 1e-9
-    safe = np.where(near, 1.0, sine)
-    first = np.where(near, 1 - fraction, np.sin((1 - fraction) * angle) / safe)
-    second = np.where(near, fraction, np.sin(fraction * angle) / safe)
-    mixed = first * start + second * end
+    half_turns = np.arccos(np.minimum(np.abs(cosine), 1.0)) / np.pi
+    # sin(k a) = k a sinc(k a / pi): the common factor a cancels in the norm, so a = 0 is no case.
+    rest = 1 - fraction
+    mixed = (
+        rest * np.sinc(rest * half_turns) * start + fraction * np.sinc(fraction * half_turns) * end
+    )
     unit: Floats = mixed / np.linalg.norm(mixed, axis=1, keepdims=True)
     return unit

@@ -31,7 +31,9 @@ class Trajectory:
         object.__setattr__(self, "t_ns", frozen(self.t_ns, np.int64))
         for name in ("x", "y", "heading"):
             object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
-        check_columns(self.t_ns, {"x": self.x, "y": self.y, "heading": self.heading})
+        check_stamps(self.t_ns)
+        for name in ("x", "y", "heading"):
+            check_column(name, getattr(self, name), (len(self),))
 
     @classmethod
     def from_poses(cls, t_ns: Stamps, poses: Floats) -> Trajectory:
@@ -54,7 +56,7 @@ class Trajectory:
     @property
     def duration_s(self) -> float:
         """Time from the first pose to the last."""
-        return float(self.t_ns[-1] - self.t_ns[0]) * 1e-9
+        return duration_s(self.t_ns)
 
     @property
     def rate_hz(self) -> float:
@@ -88,26 +90,17 @@ class Trajectory:
         return Trajectory(self.t_ns[mask], self.x[mask], self.y[mask], self.heading[mask])
 
     def interpolated(self, t_ns: Stamps) -> Trajectory:
-        """Poses at other times: x and y linear, heading along the shorter arc.
+        """Poses at other times: x and y linear, heading along the shorter arc, wrapped.
 
-        `t_ns` (m,) must lie within the first and last stamp: nothing is extrapolated
+        `t_ns` (m,), increasing, must lie within the first and last stamp: nothing is extrapolated
         (`TrajectoryError`). Ask `covers` first which of your stamps have data near them.
         """
-        outside = (t_ns < self.t_ns[0]) | (t_ns > self.t_ns[-1])
-        if np.any(outside):
-            raise TrajectoryError(
-                f"{int(outside.sum())} of {t_ns.size} stamps lie outside the trajectory's "
-                f"{self.duration_s:.3f} s; poses are never extrapolated: select the covered ones"
-            )
-        # Relative seconds: float64 holds nanoseconds exactly over days, not over decades.
-        t_s, own_s = (t_ns - self.t_ns[0]) * 1e-9, (self.t_ns - self.t_ns[0]) * 1e-9
-        unwrapped = np.unwrap(self.heading)
-        return Trajectory(
-            t_ns,
-            np.interp(t_s, own_s, self.x),
-            np.interp(t_s, own_s, self.y),
-            wrap(np.interp(t_s, own_s, unwrapped)),
-        )
+        before, after, fraction = bracket(self.t_ns, t_ns)
+        weights = fraction[:, None]
+        xy = (1 - weights) * self.positions[before] + weights * self.positions[after]
+        arc = wrap(self.heading[after] - self.heading[before])
+        heading = wrap(self.heading[before] + fraction * arc)
+        return Trajectory(t_ns, xy[:, 0], xy[:, 1], heading)
 
     def covers(self, t_ns: Stamps, max_gap_s: float) -> npt.NDArray[np.bool_]:
         """(m,): true where a stamp lies inside and not in a gap longer than `max_gap_s`.
@@ -119,13 +112,38 @@ class Trajectory:
 
 def covers(own_ns: Stamps, t_ns: Stamps, max_gap_s: float) -> npt.NDArray[np.bool_]:
     """(m,): true where a stamp lies within `own_ns` (increasing) and not in too long a gap."""
-    after = np.clip(np.searchsorted(own_ns, t_ns, side="left"), 0, own_ns.size - 1)
-    before = np.clip(after - 1, 0, None)
+    after = np.minimum(np.searchsorted(own_ns, t_ns), own_ns.size - 1)
+    before = np.maximum(after - 1, 0)
     exact = own_ns[after] == t_ns
     inside = (t_ns >= own_ns[0]) & (t_ns <= own_ns[-1])
     short = (own_ns[after] - own_ns[before]) <= max_gap_s * 1e9
     covered: npt.NDArray[np.bool_] = exact | (inside & short)
     return covered
+
+
+def bracket(
+    own_ns: Stamps, t_ns: Stamps
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], Floats]:
+    """Rows of `own_ns` (increasing) before and after each stamp, and how far between them, 0 to 1.
+
+    All (m,). Raises `TrajectoryError` when a stamp lies outside `own_ns`.
+    """
+    outside = np.count_nonzero((t_ns < own_ns[0]) | (t_ns > own_ns[-1]))
+    if outside:
+        raise TrajectoryError(
+            f"{outside} of {t_ns.size} stamps lie outside the path's {duration_s(own_ns):.3f} s; "
+            "poses are never extrapolated: select the covered ones"
+        )
+    after = np.searchsorted(own_ns, t_ns)
+    before = np.maximum(after - 1, 0)
+    # Whole nanoseconds are subtracted: as float64 they would not be exact over decades.
+    span_ns = np.maximum(own_ns[after] - own_ns[before], 1)
+    return before, after, (t_ns - own_ns[before]) / span_ns
+
+
+def duration_s(t_ns: Stamps) -> float:
+    """Seconds from the first stamp to the last."""
+    return float(t_ns[-1] - t_ns[0]) / 1e9
 
 
 def rate_hz(t_ns: Stamps) -> float:
@@ -140,21 +158,28 @@ def frozen(values: npt.ArrayLike, dtype: npt.DTypeLike) -> npt.NDArray[np.generi
     return array
 
 
-def check_columns(t_ns: Stamps, columns: dict[str, Floats]) -> None:
-    """Raise `TrajectoryError` unless stamps increase and columns are finite and as long as they."""
-    if t_ns.ndim != 1 or t_ns.size == 0:
+def check_stamps(t_ns: Stamps) -> None:
+    """Raise `TrajectoryError` unless `t_ns` is (n,), n >= 1, and increases."""
+    if t_ns.ndim != 1:
+        raise TrajectoryError(f"stamps have shape {t_ns.shape}, expected (n,)")
+    if t_ns.size == 0:
         raise TrajectoryError("a trajectory needs at least one pose, this one has none")
-    for name, column in columns.items():
-        if column.shape[0] != t_ns.size:
-            raise TrajectoryError(f"{name} has {column.shape[0]} values for {t_ns.size} stamps")
-        bad = np.flatnonzero(~np.isfinite(column.reshape(t_ns.size, -1)).all(axis=1))
-        if bad.size:
-            raise TrajectoryError(
-                f"{name} is not finite in pose {bad[0]} (and {bad.size - 1} more); drop such poses"
-            )
     late = np.flatnonzero(np.diff(t_ns) <= 0)
     if late.size:
         raise TrajectoryError(
             f"stamps must increase: pose {late[0] + 1} is stamped {t_ns[late[0] + 1]} ns, "
             f"not after {t_ns[late[0]]} ns"
+        )
+
+
+def check_column(name: str, column: Floats, shape: tuple[int, ...]) -> None:
+    """Raise `TrajectoryError` unless a column has `shape` (n, ...) and is finite."""
+    if column.shape != shape:
+        raise TrajectoryError(
+            f"{name} has shape {column.shape}, expected {shape}: one row for each stamp"
+        )
+    bad = np.flatnonzero(~np.isfinite(column).reshape(shape[0], -1).all(axis=1))
+    if bad.size:
+        raise TrajectoryError(
+            f"{name} is not finite in pose {bad[0]} (and {bad.size - 1} more); drop such poses"
         )
