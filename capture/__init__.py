@@ -3,3 +3,74 @@
 The only room that knows the file formats: session folders, MCAP logs, ROS bags, TUM trajectories,
 landmark tables. `rosbags` and `mcap` are imported when a log is opened, not before.
 """
+
+from capture.configuration import (
+    configuration_from_mapping,
+    configuration_from_text,
+    read_configuration,
+    with_overrides,
+)
+from capture.errors import (
+    CaptureError,
+    ConfigurationError,
+    LogError,
+    MissingStreamError,
+    SessionError,
+    TextFileError,
+)
+from capture.estimate import NO_STAMP, Estimate, EstimatedMap, GroundTruth
+from capture.landmark_table import (
+    read_estimated_map,
+    read_landmarks,
+    read_path_covariance,
+    write_estimated_map,
+    write_landmarks,
+    write_path_covariance,
+)
+from capture.session import Session, list_sessions
+from capture.session_info import ClockPair, SessionInfo, software
+from capture.stamps import ns_to_stamp, stamp_to_ns
+from capture.streams import Imu, Observations, Odometry, Scans, VescState
+from capture.transaction import new_folder, write_text
+from capture.tum import TumPath, read_planar_tum, read_tum, write_tum
+
+__all__ = [
+    "NO_STAMP",
+    "CaptureError",
+    "ClockPair",
+    "ConfigurationError",
+    "Estimate",
+    "EstimatedMap",
+    "GroundTruth",
+    "Imu",
+    "LogError",
+    "MissingStreamError",
+    "Observations",
+    "Odometry",
+    "Scans",
+    "Session",
+    "SessionError",
+    "SessionInfo",
+    "TextFileError",
+    "TumPath",
+    "VescState",
+    "configuration_from_mapping",
+    "configuration_from_text",
+    "list_sessions",
+    "new_folder",
+    "ns_to_stamp",
+    "read_configuration",
+    "read_estimated_map",
+    "read_landmarks",
+    "read_path_covariance",
+    "read_planar_tum",
+    "read_tum",
+    "software",
+    "stamp_to_ns",
+    "with_overrides",
+    "write_estimated_map",
+    "write_landmarks",
+    "write_path_covariance",
+    "write_text",
+    "write_tum",
+]

@@ -1,0 +1,235 @@
+"""A session: one run of the car as a folder, read stream by stream when it is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from capture.errors import MissingStreamError, SessionError
+from capture.estimate import Estimate, GroundTruth
+from capture.result_files import (
+    checked_name,
+    read_estimate,
+    read_ground_truth,
+    write_estimate,
+    write_ground_truth,
+)
+from capture.session_info import FILE_NAME, SessionInfo, read_session_info
+from capture.streams import Imu, Observations, Odometry, Scans, VescState
+from capture.topics import (
+    IMU_TOPIC,
+    LOG_NAME,
+    ODOMETRY_SUFFIX,
+    ODOMETRY_TYPE,
+    PREFERRED_SOURCES,
+    RANGE_BEARING_TOPIC,
+    SCAN_TOPIC,
+    VESC_STATE_TOPIC,
+    odometry_source,
+    odometry_topic,
+)
+
+if TYPE_CHECKING:
+    from capture.log_reader import McapLog, RawMessages, Topic
+    from capture.session_writer import SessionWriter
+
+
+@dataclass(frozen=True)
+class Session:
+    """A session folder and what its `session.yaml` says; `Session.open` gives one.
+
+    Streams are read from the log on each call. Readers raise `MissingStreamError`, naming what
+    the session has, and `LogError` when the log is damaged.
+    """
+
+    folder: Path
+    info: SessionInfo
+
+    @classmethod
+    def open(cls, folder: Path) -> Session:
+        """The session in `folder`; raises `SessionError` when there is none that we can read."""
+        return cls(folder, read_session_info(folder))
+
+    @staticmethod
+    def create(folder: Path, info: SessionInfo) -> AbstractContextManager[SessionWriter]:
+        """A writer for a new session that appears when its block ends well, and only then."""
+        from capture.session_writer import new_session
+
+        return new_session(folder, info)
+
+    @property
+    def name(self) -> str:
+        """The name of the folder."""
+        return self.folder.resolve().name
+
+    @cached_property
+    def log(self) -> McapLog | None:
+        """The log of the car, None for a session without one."""
+        from capture.log_reader import McapLog
+
+        file = self.folder / LOG_NAME
+        return McapLog(file) if file.exists() else None
+
+    @property
+    def topics(self) -> tuple[Topic, ...]:
+        """What the log holds, by name."""
+        return tuple(self.log.topics.values()) if self.log else ()
+
+    @property
+    def truncated(self) -> bool:
+        """Whether the log has no end, because the power or the program went while recording."""
+        return self.log is not None and self.log.truncated
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a reader should know before trusting the session."""
+        return self.log.remarks if self.log else ()
+
+    @property
+    def odometry_sources(self) -> tuple[str, ...]:
+        """Names of the odometry streams, preferred ones first."""
+        found = [
+            odometry_source(topic.name)
+            for topic in self.topics
+            if topic.type_name == ODOMETRY_TYPE
+            and topic.name.endswith(ODOMETRY_SUFFIX)
+            and topic.count
+        ]
+        return tuple(sorted(found, key=_preference))
+
+    def odometry(self, source: str | None = None) -> Odometry:
+        """The odometry of `source`; None takes the only one, or vesc, wheel, zed, viso in turn."""
+        from capture.log_columns import odometry_columns
+
+        if source is None:
+            sources = self.odometry_sources
+            source = sources[0] if sources else "wheel"
+        raw = self._raw("odometry", odometry_topic(source))
+        return odometry_columns(raw, source)
+
+    def scans(self) -> Scans:
+        """Lidar revolutions."""
+        from capture.log_columns import scan_columns
+
+        return scan_columns(self._raw("lidar scans", SCAN_TOPIC))
+
+    def imu(self) -> Imu:
+        """Angular velocity and acceleration."""
+        from capture.log_columns import imu_columns
+
+        return imu_columns(self._raw("IMU", IMU_TOPIC))
+
+    def vesc_state(self) -> VescState:
+        """Telemetry of the motor controller."""
+        from capture.log_columns import vesc_state_columns
+
+        return vesc_state_columns(self._raw("motor controller telemetry", VESC_STATE_TOPIC))
+
+    def observations(self) -> Observations:
+        """Ranges and bearings of landmarks that the data set brought along."""
+        from capture.log_columns import observation_columns
+
+        return observation_columns(self._raw("landmark observations", RANGE_BEARING_TOPIC))
+
+    @property
+    def has_ground_truth(self) -> bool:
+        """Whether it is known where the car really was."""
+        return (self._truth_folder / "car.tum").exists()
+
+    def ground_truth(self) -> GroundTruth:
+        """Where the car and the landmarks really were."""
+        if not self.has_ground_truth:
+            raise MissingStreamError(
+                f"{self.folder}: has no ground truth ({self._truth_folder.name}/car.tum); "
+                "make it with trackside track, or import a session that has it"
+            )
+        return read_ground_truth(self._truth_folder)
+
+    def write_ground_truth(self, truth: GroundTruth, *, replace: bool = False) -> None:
+        """Add the truth; raises `SessionError` if there is one and `replace` is not set."""
+        write_ground_truth(self._truth_folder, truth, replace=replace)
+
+    @property
+    def estimates(self) -> tuple[str, ...]:
+        """Names of the estimates, sorted."""
+        paths = (self.folder / "estimates").glob("[!.]*/path.tum")
+        return tuple(sorted(path.parent.name for path in paths))
+
+    def estimate(self, name: str) -> Estimate:
+        """The estimate of that name."""
+        if name not in self.estimates:
+            has = ", ".join(self.estimates) or "none"
+            raise MissingStreamError(
+                f"{self.folder}: has no estimate {name!r}; it has: {has}; "
+                "make one with trackside slam"
+            )
+        return read_estimate(self.folder / "estimates" / name)
+
+    def write_estimate(self, estimate: Estimate, *, replace: bool = False) -> None:
+        """Add an estimate; raises `SessionError` if the name is taken and `replace` is not set."""
+        folder = self.folder / "estimates" / checked_name(estimate.name)
+        write_estimate(folder, estimate, replace=replace)
+
+    def score_file(self, name: str) -> Path:
+        """Where the score of an estimate stands, or would stand."""
+        return self.folder / "scores" / f"{checked_name(name)}.json"
+
+    @property
+    def calibrations(self) -> tuple[Path, ...]:
+        """The calibrations that were in force, sorted by name."""
+        return tuple(sorted((self.folder / "calibration").glob("*.yaml")))
+
+    def copy_calibration(self, file: Path) -> None:
+        """Keep a copy of a calibration file in the session."""
+        from capture.session_writer import copy_calibration
+
+        copy_calibration(self.folder, file)
+
+    @property
+    def _truth_folder(self) -> Path:
+        return self.folder / "ground_truth"
+
+    def _raw(self, what: str, topic: str) -> RawMessages:
+        """The messages of a topic, of which there is at least one."""
+        raw = self.log.read(topic) if self.log else None
+        if raw is None or not raw.messages:
+            has = ", ".join(f"{t.name} ({t.count})" for t in self.topics) or "no log at all"
+            raise MissingStreamError(
+                f"{self.folder}: has no {what} (topic {topic}); it has: {has}; "
+                "use another stream, or import the recording again with --topic"
+            )
+        return raw
+
+
+def list_sessions(folder: Path) -> tuple[Path, ...]:
+    """The session folders in `folder`, sorted; the folder itself if it is a session.
+
+    Raises `SessionError` when the folder cannot be read or holds none.
+    """
+    try:
+        if (folder / FILE_NAME).exists():
+            return (folder,)
+        found = sorted(
+            child
+            for child in folder.iterdir()
+            if not child.name.startswith(".") and (child / FILE_NAME).exists()
+        )
+    except OSError as err:
+        raise SessionError(
+            f"{folder}: cannot be read: {err.strerror or err}; check path, owner and mode"
+        ) from err
+    if not found:
+        raise SessionError(
+            f"{folder}: holds no sessions; give a folder with folders that trackside record or "
+            "trackside import made"
+        )
+    return tuple(found)
+
+
+def _preference(source: str) -> tuple[int, str]:
+    known: Sequence[str] = PREFERRED_SOURCES
+    return (known.index(source) if source in known else len(known), source)
