@@ -1,0 +1,56 @@
+"""What every SLAM algorithm offers, so that `slam.run` and live use need not know which it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from capture import EstimatedMap
+from geometry import Floats
+
+
+@dataclass(frozen=True)
+class UpdateReport:
+    """What became of the observations of one scan."""
+
+    matched: int = 0
+    added: int = 0
+    ignored: int = 0
+    rejected: int = 0
+
+    def __add__(self, other: UpdateReport) -> UpdateReport:
+        return UpdateReport(
+            self.matched + other.matched,
+            self.added + other.added,
+            self.ignored + other.ignored,
+            self.rejected + other.rejected,
+        )
+
+
+class Slam(Protocol):
+    """A filter over the pose of the car and the landmarks, both in the frame `map`."""
+
+    def predict(self, increments: Floats, dt_s: Floats) -> tuple[Floats, Floats]:
+        """Move by odometry increments (k, 3), each `pose_before_after`, taken over dt_s (k,).
+
+        Gives the poses (k, 3) after each and their covariances (k, 3, 3).
+        """
+
+    def update(
+        self, t_ns: int, landmark_id: npt.NDArray[np.int64], range_m: Floats, bearing_rad: Floats
+    ) -> UpdateReport:
+        """Take the observations of one scan, each (m,); id -1 where the sensor does not know."""
+
+    @property
+    def pose(self) -> Floats:
+        """(3,): x, y, heading of the car."""
+
+    @property
+    def pose_covariance(self) -> Floats:
+        """(3, 3)."""
+
+    def estimated_map(self) -> EstimatedMap:
+        """The landmarks as they stand now."""

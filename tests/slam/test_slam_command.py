@@ -1,0 +1,115 @@
+"""`trackside slam` through the real command, on a small session made here."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from capture import Observations, Odometry, Session, SessionInfo
+from dialogue import TracksideError, UsageError
+from slam.algorithms import effective_config, estimate_session
+from slam.cli import slam
+
+S = 1_000_000_000
+
+
+@pytest.fixture
+def session(tmp_path: Path) -> Path:
+    """A straight drive of a second past two landmarks."""
+    t_ns = S + np.arange(11) * S // 10
+    poses = np.stack([np.arange(11) * 0.1, np.zeros(11), np.zeros(11)], axis=1)
+    odometry = Odometry("wheel", t_ns, poses, np.ones(11), np.zeros(11))
+    at, ids = np.repeat(t_ns, 2), np.tile([6, 7], 11)
+    offset = (
+        np.array([[2.0, 1.0], [2.0, -1.0]])[np.tile([0, 1], 11)] - np.repeat(poses, 2, 0)[:, :2]
+    )
+    ranges, bearings = np.hypot(*offset.T), np.arctan2(offset[:, 1], offset[:, 0])
+    folder = tmp_path / "run"
+    with Session.create(folder, SessionInfo()) as writer:
+        writer.add_odometry(odometry)
+        writer.add_observations(Observations(at, ids, ranges, bearings))
+    return folder
+
+
+def run(*words: object) -> Result:
+    return CliRunner().invoke(slam, [str(word) for word in words], catch_exceptions=True)
+
+
+def test_the_estimate_is_kept_with_every_choice_that_made_it(session: Path) -> None:
+    done = run(session, "--set", "observation.range_sigma_m=0.2", "--name", "mine")
+    assert done.exit_code == 0, done.output
+    assert "2 landmarks" in done.output
+    assert f"next: trackside score {session}" in done.output
+    estimate = Session.open(session).estimate("mine")
+    assert estimate.map is not None
+    assert estimate.map.landmarks.ids.tolist() == [6, 7]
+    np.testing.assert_allclose(estimate.map.landmarks.positions, [[2, 1], [2, -1]], atol=1e-6)
+    assert estimate.path_covariances is not None
+    provenance = estimate.provenance
+    assert provenance["algorithm"] == "ekf"
+    assert provenance["preset"] == "robust"
+    config = provenance["config"]
+    assert isinstance(config, dict)
+    assert config["observation"]["range_sigma_m"] == 0.2
+    assert config["innovation_gate"] == 100.0
+
+
+def test_unlimited_gates_survive_the_file(session: Path) -> None:
+    run(session, "--preset", "thesis", "--name", "as_printed")
+    config = Session.open(session).estimate("as_printed").provenance["config"]
+    assert isinstance(config, dict)
+    assert config["tail_gate"] == float("inf")
+
+
+def test_nothing_is_overwritten_unless_asked(session: Path) -> None:
+    assert run(session).exit_code == 0
+    refused = run(session)
+    assert isinstance(refused.exception, UsageError)
+    assert "--name or --replace" in str(refused.exception)
+    assert run(session, "--replace", "--preset", "thesis").exit_code == 0
+    assert Session.open(session).estimate("ekf").provenance["preset"] == "thesis"
+
+
+def test_running_twice_gives_the_same_files(session: Path) -> None:
+    for name in ("one", "two"):
+        assert run(session, "--name", name).exit_code == 0
+    for file in ("path.tum", "map.csv", "path_covariance.csv"):
+        one, two = (session / "estimates" / name / file for name in ("one", "two"))
+        assert one.read_bytes() == two.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--set", "observation.range_sigmam=1"), r"range_sigma_m"),
+        (("--set", "accept_gate=-1"), r"accept_gate"),
+        (("--set", "spawn_gate=1"), r"below accept_gate"),
+        (("--algorithm", "efk"), r"ekf"),
+        (("--odometry", "vesc"), r"/vesc/odom.*/wheel/odom"),
+    ],
+)
+def test_a_wrong_word_is_refused_with_what_would_be_right(
+    session: Path, words: tuple[str, ...], message: str
+) -> None:
+    refused = run(session, *words)
+    assert isinstance(refused.exception, TracksideError)
+    assert re.search(message, str(refused.exception)), refused.exception
+    assert Session.open(session).estimates == ()
+
+
+def test_presets_are_named(session: Path) -> None:
+    with pytest.raises(UsageError, match="robust"):
+        effective_config("robus", ())
+    with pytest.raises(UsageError, match="known, nearest"):
+        estimate_session(Session.open(session), association="by eye")
+
+
+def test_with_nearest_association_landmarks_are_numbered(session: Path) -> None:
+    assert run(session, "--association", "nearest").exit_code == 0
+    estimate = Session.open(session).estimate("ekf")
+    assert estimate.map is not None
+    assert estimate.map.landmarks.ids.tolist() == [1, 2]
