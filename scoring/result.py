@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -90,7 +90,8 @@ class Score:
 
     total : Eq. 3.1, None where a part is undefined under `--strict`;
     errors, weighted : by `ERROR_NAMES`, None where undefined; counts, metrics : by name;
-    choices : every option in force; remarks : what a reader must know (undefined parts, drops);
+    choices : every option in force; provenance : how the estimate says that it was made;
+    remarks : what a reader must know (undefined parts, drops);
     path, map, true_path : what a report draws, not part of the JSON.
     """
 
@@ -102,6 +103,7 @@ class Score:
     metrics: Mapping[str, float | None]
     alignment: Alignment
     choices: Mapping[str, object]
+    provenance: Mapping[str, object] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
     path: PathErrors | None = None
     map: MapErrors | None = None
@@ -113,7 +115,13 @@ def to_json(scores: Sequence[Score]) -> dict[str, object]:
 
     NaN and infinity become null, so that every JSON reader takes it.
     """
-    return {"format": FORMAT, "scores": [_score_to_json(score) for score in scores]}
+    from capture import software
+
+    return {
+        "format": FORMAT,
+        "software": software(),
+        "scores": [_score_to_json(score) for score in scores],
+    }
 
 
 def _score_to_json(score: Score) -> dict[str, object]:
@@ -134,7 +142,8 @@ def _score_to_json(score: Score) -> dict[str, object]:
         "counts": dict(score.counts),
         "metrics": {k: finite(v) for k, v in score.metrics.items()},
         "alignment": alignment,
-        "choices": dict(score.choices),
+        "choices": json_ready(score.choices),
+        "provenance": json_ready(score.provenance),
         "remarks": list(score.remarks),
     }
 
@@ -142,3 +151,14 @@ def _score_to_json(score: Score) -> dict[str, object]:
 def finite(value: float | None) -> float | None:
     """The value, or None where JSON has no word for it."""
     return value if value is None or math.isfinite(value) else None
+
+
+def json_ready(value: object) -> object:
+    """The same value in words that JSON has: numbers that are not finite as text, all keys text."""
+    if isinstance(value, Mapping):
+        return {str(key): json_ready(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_ready(part) for part in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    return value if value is None or isinstance(value, str | int | float) else str(value)
