@@ -1,0 +1,105 @@
+"""`trackside`: one command, loaded piece by piece, and the only place where errors are caught."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+import tempfile
+import traceback
+from pathlib import Path
+from typing import cast
+
+import click
+
+from dialogue import TracksideError, UsageError
+
+COMMANDS = {
+    "demo": ("trackside.demo:demo", "The whole road without hardware, in a minute."),
+    "doctor": ("trackside.doctor:doctor", "What is wrong with this installation, and what to do."),
+    "import": ("capture.cli:import_group", "Make a session of a data set, a bag or TUM files."),
+    "info": ("capture.cli:info", "What a session holds."),
+    "slam": ("slam.cli:slam", "Estimate path and landmark map of a session."),
+    "score": ("scoring.cli:score", "Score path and map against the truth."),
+    "compare": ("scoring.comparison.cli:compare", "Many scores: tables, intervals, tests."),
+    "export": ("capture.cli:export_group", "Session to TUM, CSV, ROS 1 or ROS 2 bags."),
+}
+"""Command -> where it is defined, and its line of help: `--help` imports none of them."""
+
+
+class _Commands(click.Group):
+    """The commands above, each imported when it is called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002  click's signature
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        if cmd_name not in COMMANDS:
+            return None
+        module, _, attribute = COMMANDS[cmd_name][0].partition(":")
+        return cast(click.Command, getattr(importlib.import_module(module), attribute))
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        with formatter.section("Commands, in the order of a day"):
+            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        name = args[0]
+        if name not in COMMANDS and not name.startswith("-"):
+            from dialogue import nearest_names
+
+            ctx.fail(f"no command {name!r}; {nearest_names(name, COMMANDS)}")
+        return super().resolve_command(ctx, args)
+
+
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="trackside", prog_name="trackside")
+def trackside() -> None:
+    """Landmark SLAM of a small race car: import or record, estimate, score path and map."""
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run one command and end the process.
+
+    Exit code 0: done; 1: a known error; 2: usage; 3: a threshold was passed; 70: a fault of ours.
+    """
+    try:
+        # click hands a command's `ctx.exit(code)` back as the value.
+        code = trackside.main(args=arguments, standalone_mode=False)
+        sys.exit(code if isinstance(code, int) else 0)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(error.exit_code)
+    except (KeyboardInterrupt, click.Abort):
+        _say("stopped; nothing half-written was left behind")
+        sys.exit(130)
+    except BrokenPipeError:
+        # The reader of our output has gone (`| head`): that is its right.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)
+    except UsageError as error:
+        _say(str(error))
+        sys.exit(2)
+    except TracksideError as error:
+        _say(str(error))
+        sys.exit(1)
+    except Exception as error:
+        _say(f"a fault of trackside: {type(error).__name__}: {error}\nthe trace is in {_log()}")
+        sys.exit(70)
+
+
+def _say(text: str) -> None:
+    click.echo(f"trackside: {text}", err=True)
+
+
+def _log() -> Path:
+    """Keep the trace of the error at hand in a new file; where that file is."""
+    from importlib.metadata import version
+
+    handle, name = tempfile.mkstemp(prefix="trackside-", suffix=".log")
+    with os.fdopen(handle, "w", encoding="utf-8") as file:
+        file.write(f"trackside {version('trackside')}, Python {sys.version}\n")
+        file.write(f"arguments: {sys.argv[1:]}\n\n{traceback.format_exc()}")
+    return Path(name)
