@@ -87,7 +87,7 @@ def read_csv(file: Path, required: Sequence[str]) -> CsvTable:
     ]
     expected = f"expected a header with the columns {','.join(required)}"
     if not content:
-        raise TextFileError(f"{file}: is empty; {expected}")
+        raise TextFileError(f"{file}: is empty; {expected}; was it written to its end?")
     first, header = content[0]
     missing = [name for name in required if name not in header]
     if missing:

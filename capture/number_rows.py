@@ -56,7 +56,10 @@ def read_number_rows(file: Path, columns: Sequence[str]) -> NumberRows:
         if (content and content[0] != "#") and (content[0] > " " or _has_cells(content))
     ]
     if not numbered:
-        raise TextFileError(f"{file}: holds no line of numbers; expected {_wanted(columns)}")
+        raise TextFileError(
+            f"{file}: holds no line of numbers; expected {_wanted(columns)}; "
+            "was it written to its end?"
+        )
     lines, rows = zip(*numbered, strict=True)
     try:
         values = np.loadtxt(rows, dtype=np.float64, ndmin=2)

@@ -159,7 +159,7 @@ def _map_part(truth: GroundTruth, aligned: Estimate, options: ScoreOptions) -> _
     distance = distance_error(Scene(truth.path, true_map, aligned.path, own), pairs, options)
     remarks = distance.remarks
     if not len(pairs):
-        remarks = (f"map undefined: no landmarks within {options.cutoff_m:g} m",)
+        remarks = (f"map and distance undefined: no landmarks within {options.cutoff_m:g} m",)
     return _Piece(
         landmark_errors(pairs, len(true_map), len(own), distance),
         map_metrics(true_map, own.landmarks, pairs, options),

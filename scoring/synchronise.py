@@ -108,6 +108,8 @@ def _range_text(path: Path) -> str:
 
 
 def _remedy(truth: Path, estimate: Path, options: ScoreOptions) -> str:
+    if len(truth) == 1:
+        return "the truth is a single pose: is that the right file?"
     late_ns = int(estimate.t_ns[0]) - int(truth.t_ns[-1])
     early_ns = int(truth.t_ns[0]) - int(estimate.t_ns[-1])
     if max(late_ns, early_ns) > 0:

@@ -241,7 +241,7 @@ def test_an_empty_map_misses_every_landmark() -> None:
     assert result.errors["distance"] is None
     assert result.errors["false_negatives"] == 8.0
     assert result.total == pytest.approx(8 * 0.3)
-    assert any(remark.startswith("map undefined: no landmarks within") for remark in result.remarks)
+    assert any(remark.startswith("map and distance undefined") for remark in result.remarks)
 
 
 def test_a_truth_with_no_landmark_on_the_floor_makes_every_one_false() -> None:
