@@ -114,7 +114,10 @@ def _ratio_table(comparison: Comparison) -> Table:
     places = dict.fromkeys((c.group, c.algorithm) for c in comparison.contrasts)
     return Table(
         ("group", "algorithm", *HEADINGS.values()),
-        tuple((*place, *(ratios[(*place, column)] for column in COLUMNS)) for place in places),
+        tuple(
+            (group, algorithm, *(ratios[group, algorithm, column] for column in COLUMNS))
+            for group, algorithm in places
+        ),
         title=f"Ratio of the means to {comparison.baseline}",
     )
 
