@@ -111,6 +111,16 @@ class Session:
         raw = self._raw("odometry", odometry_topic(source))
         return odometry_columns(raw, source)
 
+    @property
+    def has_scans(self) -> bool:
+        """Whether there are lidar revolutions."""
+        return self._has(SCAN_TOPIC)
+
+    @property
+    def has_observations(self) -> bool:
+        """Whether the data set brought ranges and bearings of landmarks along."""
+        return self._has(RANGE_BEARING_TOPIC)
+
     def scans(self) -> Scans:
         """Lidar revolutions."""
         from capture.log_columns import scan_columns
@@ -192,6 +202,9 @@ class Session:
     @property
     def _truth_folder(self) -> Path:
         return self.folder / "ground_truth"
+
+    def _has(self, topic: str) -> bool:
+        return any(held.name == topic and held.count for held in self.topics)
 
     def _raw(self, what: str, topic: str) -> RawMessages:
         """The messages of a topic, of which there is at least one."""

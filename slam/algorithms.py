@@ -1,74 +1,171 @@
-"""The algorithms by name, so that a command or a sweep can make one from words."""
+"""The algorithms by name: from the words of a command to an estimate of a session."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from capture import Estimate, Session, with_overrides
+from capture import Estimate, Observations, Odometry, Session, with_overrides
 from dialogue import Progress, UsageError, nearest_names
-from slam.config import PRESETS, EkfConfig
+from slam.cone_config import cone_config
+from slam.config import PRESETS
 from slam.ekf import ASSOCIATIONS, EkfSlam
+from slam.fastslam import FASTSLAM_ASSOCIATIONS, FastSlam
+from slam.fastslam_config import FASTSLAM_PRESETS
+from slam.interface import Slam
 from slam.run import RunReport, run_slam
+from slam.smoothing_config import SmoothingConfig
+from slam.sources import odometry_of
 
-ALGORITHMS = ("ekf",)
+CONES = "cones."
+"""Settings that begin so are those of the cone finder."""
 
 
-def effective_config(preset: str, overrides: Sequence[str]) -> EkfConfig:
-    """The preset with `key=value` settings on top; raises `UsageError` for names or values."""
-    if preset not in PRESETS:
-        raise UsageError(f"--preset {preset}: no such preset; {nearest_names(preset, PRESETS)}")
-    config = with_overrides(PRESETS[preset], overrides)
-    if config.spawn_gate < config.accept_gate:
-        raise UsageError(
-            f"spawn_gate {config.spawn_gate} is below accept_gate {config.accept_gate}: an "
-            "observation would be old and new at once; raise spawn_gate"
-        )
-    return config
+@dataclass(frozen=True)
+class Algorithm:
+    """How an algorithm is configured and made.
+
+    presets : by name, frozen dataclasses with at least `motion`, `observation`, `accept_gate`,
+    `spawn_gate` and `path_period_s`; make : from configuration, association and seed.
+    """
+
+    presets: Mapping[str, Any]
+    associations: tuple[str, ...]
+    make: Callable[[Any, str, int], Slam]
+
+
+ALGORITHMS = {
+    "ekf": Algorithm(PRESETS, ASSOCIATIONS, lambda config, words, _: EkfSlam(config, words)),
+    "fastslam": Algorithm(FASTSLAM_PRESETS, FASTSLAM_ASSOCIATIONS, FastSlam),
+}
+"""Add yours here: one class with the members of `slam.interface.Slam`, one line."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request:
+    """What shall be run on a session; `seed` matters to algorithms that draw random numbers."""
+
+    algorithm: str = "ekf"
+    association: str = "known"
+    preset: str = "robust"
+    settings: tuple[str, ...] = ()
+    odometry: str | None = None
+    seed: int = 0
+    smooth: bool = False
+
+    def __post_init__(self) -> None:
+        _one_of("--algorithm", self.algorithm, ALGORITHMS)
+        chosen = ALGORITHMS[self.algorithm]
+        _one_of("--preset", self.preset, chosen.presets)
+        _one_of("--association", self.association, chosen.associations)
+        if self.smooth and self.association != "known":
+            raise UsageError(
+                "--smooth needs --association known: it must know which sighting is whose"
+            )
+
+    def config(self) -> Any:
+        """The preset with the settings on top; raises `UsageError` for names or values."""
+        own = [text for text in self.settings if not text.startswith(CONES)]
+        config = with_overrides(ALGORITHMS[self.algorithm].presets[self.preset], own)
+        if 0.0 < config.spawn_gate < config.accept_gate < np.inf:
+            raise UsageError(
+                f"spawn_gate {config.spawn_gate} is below accept_gate {config.accept_gate}: an "
+                "observation would be old and new at once; raise spawn_gate"
+            )
+        return config
+
+
+def default_association(session: Session, algorithm: str) -> str:
+    """Known ids where the sensor names its landmarks, else the algorithm's first other rule."""
+    _one_of("--algorithm", algorithm, ALGORITHMS)
+    named = session.has_observations or not session.has_scans
+    return ALGORITHMS[algorithm].associations[0 if named else 1]
 
 
 def estimate_session(
-    session: Session,
-    *,
-    algorithm: str = "ekf",
-    association: str = "known",
-    preset: str = "robust",
-    overrides: Sequence[str] = (),
-    odometry: str | None = None,
-    name: str | None = None,
-) -> tuple[Estimate, RunReport]:
-    """Run one algorithm over a session; nothing is written. Shows its progress."""
-    if algorithm not in ALGORITHMS:
-        raise UsageError(f"--algorithm {algorithm}: {nearest_names(algorithm, ALGORITHMS)}")
-    if association not in ASSOCIATIONS:
-        raise UsageError(f"--association {association}: {nearest_names(association, ASSOCIATIONS)}")
-    config = effective_config(preset, overrides)
-    driven, observations = session.odometry(odometry), session.observations()
+    session: Session, request: Request, name: str | None = None
+) -> tuple[Estimate, RunReport, list[str]]:
+    """The estimate that the request makes of a session, what happened, and notes for a person.
+
+    Nothing is written. Observations are those of the session or, where it has lidar scans only,
+    the cones found in them. Shows its progress.
+    """
+    config = request.config()
+    driven, source = odometry_of(session, request.odometry)
+    observations, provenance, notes = _observations(session, driven, request)
     provenance = {
-        "algorithm": algorithm,
-        "association": association,
-        "preset": preset,
+        **{key: value for key, value in asdict(request).items() if key != "settings"},
         "odometry": driven.source,
         "config": asdict(config),
+        **provenance,
     }
-    _compile(config, association)
-    with Progress(algorithm, observations.batch_starts.size - 1) as progress:
-        return run_slam(
-            EkfSlam(config, association),
+    make = ALGORITHMS[request.algorithm].make
+    _compile(make(config, request.association, request.seed))
+    with Progress(request.algorithm, observations.batch_starts.size - 1) as progress:
+        estimate, report = run_slam(
+            make(config, request.association, request.seed),
             driven,
             observations,
-            name=name or algorithm,
+            name=name or request.algorithm,
             path_period_s=config.path_period_s,
             provenance=provenance,
             advance=progress.advance,
         )
+    if source.gyro_bias_rad_s is not None or source.source_gaps:
+        notes.append(str(source))
+    if request.smooth:
+        estimate = _smoothed(estimate, driven, observations, config)
+    return estimate, report, notes
 
 
-def _compile(config: EkfConfig, association: str) -> None:
+def _observations(
+    session: Session, driven: Odometry, request: Request
+) -> tuple[Observations, dict[str, object], list[str]]:
+    """Observations, how they were made, and what to tell of it."""
+    if session.has_observations or not session.has_scans:
+        return session.observations(), {}, []
+    if request.association == "known":
+        associations = ALGORITHMS[request.algorithm].associations[1:]
+        raise UsageError(
+            f"{session.folder} has lidar scans, and a scan does not name its cones: "
+            f"--association known cannot be; use {' or '.join(associations)}"
+        )
+    from slam.cones import observations_from_scans
+
+    own = [text.removeprefix(CONES) for text in request.settings if text.startswith(CONES)]
+    cones = cone_config(request.preset, own)
+    observations, report = observations_from_scans(session.scans(), driven, cones)
+    return observations, {"cones": asdict(cones)}, report.text().splitlines()
+
+
+def _smoothed(
+    estimate: Estimate, driven: Odometry, observations: Observations, config: Any
+) -> Estimate:
+    from slam.smoothing import smooth
+
+    assert estimate.map is not None
+    ids = observations.landmark_id
+    mapped = np.isin(ids, estimate.map.landmarks.ids)
+    return smooth(
+        estimate,
+        driven,
+        observations,
+        np.where(mapped, ids, -1),
+        replace(SmoothingConfig(), motion=config.motion, observation=config.observation),
+    )
+
+
+def _one_of(flag: str, word: str, valid: Sequence[str] | Mapping[str, object]) -> None:
+    if word not in valid:
+        raise UsageError(f"{flag} {word}: {nearest_names(word, valid)}")
+
+
+def _compile(slam: Slam) -> None:
     """Compile every kernel, so that a first run's rate and times are those of the filter."""
-    slam = EkfSlam(config, association)
     slam.predict(np.array([[1.0, 0.0, 0.0]]), np.array([1.0]))
     for t_ns in range(2):
         slam.update(t_ns, np.array([1]), np.array([2.0]), np.array([0.0]))
+    slam.estimated_map()

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from dialogue import UsageError
-from slam.config import PRESETS
 
 if TYPE_CHECKING:
     from capture import Estimate
@@ -16,65 +16,102 @@ if TYPE_CHECKING:
 
 
 @click.command("slam")
-@click.argument("session", type=click.Path(path_type=Path))
-@click.option("--algorithm", default="ekf", show_default=True, help="ekf")
+@click.argument("session", type=click.Path(path_type=Path), required=False)
+@click.option(
+    "--algorithm", default="ekf", show_default=True, metavar="NAME", help="ekf or fastslam."
+)
 @click.option(
     "--association",
-    type=click.Choice(["known", "nearest"]),
-    default="known",
-    show_default=True,
-    help="known: the sensor names its landmarks; nearest: by individual compatibility.",
+    metavar="RULE",
+    help="Whose a sighting is. known: the sensor names its landmarks; for ekf nearest or jcbb "
+    "(joint compatibility), for fastslam likelihood.  [default: known, or by lidar: nearest, "
+    "likelihood]",
 )
 @click.option(
     "--preset",
-    type=click.Choice(sorted(PRESETS)),
     default="robust",
     show_default=True,
-    help="Parameter set to start from.",
+    metavar="NAME",
+    help="Parameters to start from: thesis or robust.",
 )
 @click.option(
     "--set",
     "settings",
     multiple=True,
     metavar="KEY=VALUE",
-    help="Change one parameter, e.g. observation.range_sigma_m=0.1; may be repeated.",
+    help="Change one parameter, e.g. observation.range_sigma_m=0.1, or of the cone finder, "
+    "cones.max_range_m=2.5; may be repeated.",
 )
-@click.option("--odometry", help="Odometry source (vesc, wheel, zed, viso, ...).")
+@click.option(
+    "--odometry",
+    metavar="SOURCE",
+    help="vesc, wheel, zed, viso, ...; imu+SOURCE takes its turning from the gyro.",
+)
+@click.option("--seed", default=0, show_default=True, help="Of the random numbers of fastslam.")
+@click.option("--smooth", is_flag=True, help="Refine path and map with all data at once.")
 @click.option("--name", help="Name of the estimate.  [default: the algorithm's]")
 @click.option("--replace", is_flag=True, help="Replace an estimate of that name.")
+@click.option(
+    "--explain-range", is_flag=True, help="Print at which distances cones are found, and end."
+)
+@click.option(
+    "--beam-spacing",
+    "spacing_deg",
+    default=1.0,
+    show_default=True,
+    metavar="DEG",
+    help="For --explain-range: angle between two beams.",
+)
 def slam(
-    session: Path,
+    session: Path | None,
     algorithm: str,
-    association: str,
+    association: str | None,
     preset: str,
     settings: tuple[str, ...],
     odometry: str | None,
+    seed: int,
+    smooth: bool,
     name: str | None,
     replace: bool,
+    explain_range: bool,
+    spacing_deg: float,
 ) -> None:
     """Estimate path and landmark map of SESSION and keep them in its estimates/NAME."""
+    if explain_range:
+        click.echo(_range_table(preset, settings, spacing_deg))
+        return
+    if session is None:
+        raise UsageError("expected a SESSION: trackside slam SESSION")
     from capture import Session
-    from slam.algorithms import estimate_session
+    from slam.algorithms import Request, default_association, estimate_session
 
-    recording = Session.open(session)
-    name = name or algorithm
+    recording, name = Session.open(session), name or algorithm
     if name in recording.estimates and not replace:
         raise UsageError(f"{session} has an estimate {name!r} already; give --name or --replace")
-    estimate, report = estimate_session(
-        recording,
+    request = Request(
         algorithm=algorithm,
-        association=association,
+        association=association or default_association(recording, algorithm),
         preset=preset,
-        overrides=settings,
+        settings=settings,
         odometry=odometry,
-        name=name,
+        seed=seed,
+        smooth=smooth,
     )
+    estimate, report, notes = estimate_session(recording, request, name)
     recording.write_estimate(estimate, replace=replace)
-    click.echo(_summary(estimate, report))
+    click.echo("\n".join([*_summary(estimate, report), *notes]))
     click.echo(f"wrote {session / 'estimates' / name}\nnext: trackside score {session}")
 
 
-def _summary(estimate: Estimate, report: RunReport) -> str:
+def _range_table(preset: str, settings: tuple[str, ...], spacing_deg: float) -> str:
+    from slam.cone_config import cone_config
+    from slam.cone_geometry import explain_range
+
+    own = [text.removeprefix("cones.") for text in settings]
+    return explain_range(cone_config(preset, own), math.radians(spacing_deg)).render("table")
+
+
+def _summary(estimate: Estimate, report: RunReport) -> list[str]:
     path, seen = estimate.path, report.updates
     factor = report.duration_s / max(report.cpu_s, 1e-9)
     lines = [
@@ -84,8 +121,11 @@ def _summary(estimate: Estimate, report: RunReport) -> str:
         f"{seen.ignored} ignored, {seen.rejected} rejected",
         f"{report.cpu_s:.2f} s of computing, {factor:.0f} times as fast as it was driven",
     ]
-    if report.outside_odometry:
-        lines.append(
-            f"{report.outside_odometry} scans outside the time of the odometry were left out"
-        )
-    return "\n".join(lines)
+    faults = (
+        (report.outside_odometry, "scans outside the time of the odometry were left out"),
+        (seen.invalid, "observations without a finite range and bearing were left out"),
+        (seen.over_limit, "observations were beyond the limit of a scan or of the map"),
+        (seen.removed, "landmarks were given up again"),
+        (seen.cut_short, "scans reached the limit of the joint search"),
+    )
+    return lines + [f"{count} {what}" for count, what in faults if count]

@@ -47,6 +47,46 @@ class ObservationNoise:
 
 
 @dataclass(frozen=True, kw_only=True)
+class LandmarkRules:
+    """When a landmark without a name is believed, and when it is given up.
+
+    As they stand here nothing is ever given up. Where the sensor names its landmarks only the
+    limit of the map applies: a name is no clutter.
+
+    A landmark that should have been seen and was not loses `log((1 - P) / (1 - false_match))`, one
+    that was seen gains `log(P / false_match)`; P is `detection_probability` between the certain
+    ranges, falls linearly to 0 at the possible ones, and is 0 outside the field of view and behind
+    what was seen in front. Where the pose leaves doubt, the most lenient P counts.
+    """
+
+    confirm_hits: int = field(default=1, metadata={"min": 1})
+    """A landmark is confirmed once it was seen this often ..."""
+    confirm_window: int = field(default=1, metadata={"min": 1, "max": 60})
+    """... in this many scans that could have seen it ..."""
+    confirm_count: int = field(default=1, metadata={"min": 1})
+    """... or this often in all."""
+    detection_probability: float = field(default=0.0, metadata={"min": 0.0, "max": 0.999})
+    """0: absence is never evidence."""
+    false_match_probability: float = field(default=0.05, metadata={"min": 1e-6, "max": 0.999})
+    """How often clutter is taken for a landmark that is not there."""
+    near_possible_m: float = field(default=0.0, metadata={"min": 0.0})
+    near_certain_m: float = field(default=0.0, metadata={"min": 0.0})
+    far_certain_m: float = field(default=UNLIMITED, metadata={"min": 0.0})
+    far_possible_m: float = field(default=UNLIMITED, metadata={"min": 0.0})
+    field_of_view_rad: float = field(default=math.tau, metadata={"min": 0.0, "max": math.tau})
+    """Whole angle, centred on the car's heading."""
+    occluder_radius_m: float = field(default=0.0, metadata={"min": 0.0})
+    """What stands before a landmark, within this of the line of sight, may hide it; 0 never."""
+    remove_below_log_odds: float = field(default=-2.0, metadata={"max": 0.0})
+    max_log_odds: float = field(default=6.0, metadata={"min": 0.0})
+    """Bounds how many misses an old landmark outlives."""
+    max_landmarks: int = field(default=1000, metadata={"min": 1})
+    """A full map takes no new landmark; how many it refused is counted."""
+    same_place_m: float = field(default=0.3, metadata={"min": 0.0})
+    """A landmark counts as having stood already where one was given up within this distance."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class EkfConfig:
     """Everything that decides what EKF-SLAM makes of a session.
 
@@ -57,9 +97,14 @@ class EkfConfig:
     motion: MotionNoise
     observation: ObservationNoise
     accept_gate: float = field(metadata={"min": 0.0})
-    """Nearest association: an observation belongs to a landmark up to here."""
+    """Without names: an observation may belong to a landmark up to here."""
     spawn_gate: float = field(metadata={"min": 0.0})
-    """Nearest association: beyond this from every landmark it is a new one; between: ignored."""
+    """Without names: beyond this from every landmark it is a new one; between: ignored."""
+    joint_probability: float = field(default=0.95, metadata={"min": 0.5, "max": 0.9999})
+    """Joint association: all pairs of a scan together must lie within this much of what the
+    uncertainty allows."""
+    joint_nodes: int = field(default=2000, metadata={"min": 1})
+    """Joint association: pairs tried for one scan before the best so far is taken."""
     innovation_gate: float = field(default=UNLIMITED, metadata={"min": 0.0})
     """Known ids: an observation further off than this is rejected."""
     tail_gate: float = field(default=UNLIMITED, metadata={"min": 0.0})
@@ -68,6 +113,9 @@ class EkfConfig:
     """Known ids: rejections in a row after which a landmark is placed anew; 0 never."""
     min_seen: int = field(default=1, metadata={"min": 1})
     """A landmark is reported once this many observations stand behind it."""
+    max_observations: int = field(default=256, metadata={"min": 1, "max": 512})
+    """Of a scan with more only the first are taken; how many were not is counted."""
+    landmarks: LandmarkRules = LandmarkRules()
     path_period_s: float = field(default=0.05, metadata={"min": 0.0})
     """Between updates the path holds a pose this often; 0 keeps every odometry sample."""
 
@@ -93,10 +141,10 @@ PRESETS = {
         motion=MotionNoise(
             xy_sigma_m_per_sqrt_s=0.01,
             heading_sigma_rad_per_sqrt_s=0.03,
-            alpha1=0.1,
+            alpha1=0.01,
             alpha2_rad2_per_m2=0.005,
             alpha3=0.02,
-            alpha4_m2_per_rad2=0.0005,
+            alpha4_m2_per_rad2=0.0001,
         ),
         observation=ObservationNoise(
             range_sigma_m=0.04, bearing_sigma_rad=math.radians(1.0), range_sigma_per_m=0.05
@@ -107,5 +155,19 @@ PRESETS = {
         tail_gate=5.991,
         relocate_after=5,
         min_seen=3,
+        # Four to ten hits of a one-degree lidar on a cone of 0.1 m are certain from 0.57 to 1.43 m
+        # (thesis appendix A with the exact geometry). Further off they are possible, but there a
+        # miss says little, and nothing of a sensor that reaches less far.
+        landmarks=LandmarkRules(
+            confirm_hits=4,
+            confirm_window=6,
+            confirm_count=10,
+            detection_probability=0.9,
+            near_possible_m=0.574,
+            near_certain_m=0.574,
+            far_certain_m=1.433,
+            far_possible_m=1.433,
+            occluder_radius_m=0.1,
+        ),
     ),
 }

@@ -14,12 +14,20 @@ from geometry import Floats
 
 @dataclass(frozen=True)
 class UpdateReport:
-    """What became of the observations of one scan."""
+    """What became of the observations of one scan.
+
+    invalid : no finite bearing, or no finite range above zero; over_limit : the scan or the map was
+    full; removed : landmarks given up; cut_short : 1 where a search ended at its limit.
+    """
 
     matched: int = 0
     added: int = 0
     ignored: int = 0
     rejected: int = 0
+    invalid: int = 0
+    over_limit: int = 0
+    removed: int = 0
+    cut_short: int = 0
 
     def __add__(self, other: UpdateReport) -> UpdateReport:
         return UpdateReport(
@@ -27,6 +35,10 @@ class UpdateReport:
             self.added + other.added,
             self.ignored + other.ignored,
             self.rejected + other.rejected,
+            self.invalid + other.invalid,
+            self.over_limit + other.over_limit,
+            self.removed + other.removed,
+            self.cut_short + other.cut_short,
         )
 
 

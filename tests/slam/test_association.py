@@ -7,7 +7,14 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from geometry import Floats, wrap
-from slam.association import IGNORED, NEW, nearest_compatible, squared_distances
+from slam.association import (
+    IGNORED,
+    NEW,
+    expectations,
+    nearest_compatible,
+    squared_distance,
+    squared_distances,
+)
 from slam.config import ObservationNoise
 from slam.observation import noise_array
 
@@ -29,7 +36,7 @@ def test_distances_are_those_of_the_full_matrices(seed: int) -> None:
     x, P = random_state(n, seed)
     random = np.random.default_rng(seed + 1)
     ranges, bearings = random.uniform(0.2, 4.0, 3), random.uniform(-np.pi, np.pi, 3)
-    ours = squared_distances(x, np.tril(P), n, ranges, bearings, NOISE)
+    ours = squared_distances(expectations(x, np.tril(P), n), ranges, bearings, NOISE)
     for i in range(3):
         R = np.diag([0.05**2 + (0.02 * ranges[i]) ** 2, 0.03**2])
         for slot in range(n):
@@ -40,6 +47,8 @@ def test_distances_are_those_of_the_full_matrices(seed: int) -> None:
             S = H @ full(P, x.size) @ H.T + R
             expected = nu @ np.linalg.solve(S, nu)
             np.testing.assert_allclose(ours[i, slot], expected, rtol=1e-4)
+            alone = squared_distance(x, np.tril(P), slot, ranges[i], bearings[i], NOISE)
+            np.testing.assert_allclose(alone, ours[i, slot], rtol=1e-9)
 
 
 def test_the_closest_pair_goes_first_and_no_landmark_is_taken_twice() -> None:

@@ -11,7 +11,7 @@ from click.testing import CliRunner, Result
 
 from capture import Observations, Odometry, Session, SessionInfo
 from dialogue import TracksideError, UsageError
-from slam.algorithms import effective_config, estimate_session
+from slam.algorithms import Request
 from slam.cli import slam
 
 S = 1_000_000_000
@@ -101,11 +101,13 @@ def test_a_wrong_word_is_refused_with_what_would_be_right(
     assert Session.open(session).estimates == ()
 
 
-def test_presets_are_named(session: Path) -> None:
+def test_words_are_checked_before_any_work() -> None:
     with pytest.raises(UsageError, match="robust"):
-        effective_config("robus", ())
-    with pytest.raises(UsageError, match="known, nearest"):
-        estimate_session(Session.open(session), association="by eye")
+        Request(preset="robus")
+    with pytest.raises(UsageError, match="nearest"):
+        Request(association="nearby")
+    with pytest.raises(UsageError, match="--association known"):
+        Request(association="nearest", smooth=True)
 
 
 def test_with_nearest_association_landmarks_are_numbered(session: Path) -> None:
@@ -113,3 +115,83 @@ def test_with_nearest_association_landmarks_are_numbered(session: Path) -> None:
     estimate = Session.open(session).estimate("ekf")
     assert estimate.map is not None
     assert estimate.map.landmarks.ids.tolist() == [1, 2]
+
+
+def test_fastslam_is_repeatable_by_its_seed(session: Path) -> None:
+    words = ("--algorithm", "fastslam", "--set", "particles=50")
+    for name, seed in (("one", 3), ("again", 3), ("other", 4)):
+        done = run(session, *words, "--seed", seed, "--name", name)
+        assert done.exit_code == 0, done.output
+    paths = [
+        (session / "estimates" / n / "path.tum").read_bytes() for n in ("one", "again", "other")
+    ]
+    assert paths[0] == paths[1] != paths[2]
+    provenance = Session.open(session).estimate("one").provenance
+    assert (provenance["algorithm"], provenance["seed"]) == ("fastslam", 3)
+
+
+def test_smoothing_is_told_in_the_provenance(session: Path) -> None:
+    assert run(session, "--smooth", "--name", "smoothed").exit_code == 0
+    estimate = Session.open(session).estimate("smoothed")
+    assert estimate.map is not None
+    np.testing.assert_allclose(estimate.map.landmarks.positions, [[2, 1], [2, -1]], atol=1e-6)
+    told = estimate.provenance["smoothing"]
+    assert isinstance(told, dict)
+    assert told["converged"] is True
+
+
+def test_the_range_of_the_cone_finder_is_explained_without_a_session() -> None:
+    done = run("--explain-range", "--preset", "thesis")
+    assert done.exit_code == 0
+    assert "1.433" in done.output
+    assert "1.910" in done.output
+
+
+def test_scans_become_cones(tmp_path: Path) -> None:
+    """A lidar on a car that stands between three cones sees those three."""
+    from capture.messages import header, serialised, typestore
+    from capture.topics import SCAN_TYPE
+
+    make = typestore().types[SCAN_TYPE]
+    bearings = np.linspace(-np.pi, np.pi, 720, endpoint=False)
+    ranges = np.full(720, np.inf, dtype=np.float32)
+    for at_m, at_rad in ((1.0, 0.5), (1.4, -2.0), (0.8, 3.1)):
+        off = np.abs(np.angle(np.exp(1j * (bearings - at_rad))))
+        hit = off < np.arcsin(0.05 / at_m)
+        ranges[hit] = at_m * np.cos(off[hit]) - np.sqrt(0.05**2 - (at_m * np.sin(off[hit])) ** 2)
+    t_ns = S + np.arange(30) * S // 10
+    messages = [
+        serialised(
+            make(
+                header=header(int(t), "lidar"),
+                angle_min=-np.pi,
+                angle_max=np.pi,
+                angle_increment=2 * np.pi / 720,
+                time_increment=0.0,
+                scan_time=0.1,
+                range_min=0.1,
+                range_max=12.0,
+                ranges=ranges,
+                intensities=np.zeros(0, dtype=np.float32),
+            ),
+            SCAN_TYPE,
+        )
+        for t in t_ns
+    ]
+    folder = tmp_path / "lidar"
+    still = Odometry("vesc", t_ns, np.zeros((30, 3)), np.zeros(30), np.zeros(30))
+    with Session.create(folder, SessionInfo()) as writer:
+        writer.add_messages("/scan", SCAN_TYPE, messages, t_ns)
+        writer.add_odometry(still)
+    done = run(folder)
+    assert done.exit_code == 0, done.exception
+    assert "90 cones in 30 lidar revolutions" in done.output
+    estimate = Session.open(folder).estimate("ekf")
+    assert estimate.provenance["association"] == "nearest"
+    assert "cones" in estimate.provenance
+    assert estimate.map is not None
+    found = np.sort(np.hypot(*estimate.map.landmarks.positions.T))
+    np.testing.assert_allclose(found, [0.8, 1.0, 1.4], atol=0.01)
+    refused = run(folder, "--association", "known", "--name", "x")
+    assert isinstance(refused.exception, UsageError)
+    assert "nearest or jcbb" in str(refused.exception)

@@ -1,0 +1,234 @@
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+import world
+from dense import full
+
+from geometry import Floats
+from slam.association import expectations
+from slam.config import PRESETS, EkfConfig, LandmarkRules
+from slam.ekf import EkfSlam
+from slam.interface import UpdateReport
+from slam.landmarks import Departed, detection_probability, lenient_probability, rules_array
+
+ROBUST = PRESETS["robust"]
+RULES = ROBUST.landmarks
+RAMPS = dataclasses.replace(RULES, near_possible_m=0.522, far_possible_m=1.91)
+
+
+def look(slam: EkfSlam, t_ns: int, cones: list[tuple[float, float]]) -> UpdateReport:
+    """One scan that sees cones at these ranges and bearings."""
+    seen = np.array(cones, dtype=np.float64).reshape(-1, 2)
+    return slam.update(t_ns, np.full(len(seen), -1), seen[:, 0], seen[:, 1])
+
+
+def with_rules(**changes: object) -> EkfConfig:
+    rules = dataclasses.replace(RULES, **changes)  # type: ignore[arg-type]  # tests vary each kind
+    return dataclasses.replace(ROBUST, landmarks=rules)
+
+
+def test_detection_follows_the_geometry_of_the_lidar() -> None:
+    rules = rules_array(RAMPS)
+    wanted = {0.3: 0.0, 0.522: 0.0, 0.548: 0.45, 1.0: 0.9, 1.433: 0.9, 1.6715: 0.45, 1.95: 0.0}
+    for range_m, probability in wanted.items():
+        assert detection_probability(range_m, rules) == pytest.approx(probability, abs=1e-6)
+    steep = [detection_probability(r, rules_array(RULES)) for r in (0.573, 0.575, 1.432, 1.434)]
+    assert steep == [0.0, 0.9, 0.9, 0.0]
+
+
+def test_a_doubtful_distance_takes_the_benefit_of_the_doubt() -> None:
+    rules = rules_array(RULES)
+    assert lenient_probability(np.array([0.65, 0.0, 1e-8, 0.0, 1e-8]), rules) == 0.9
+    assert lenient_probability(np.array([0.65, 0.0, 0.08**2, 0.0, 1e-8]), rules) == 0.0
+    narrow = rules_array(dataclasses.replace(RULES, field_of_view_rad=1.0))
+    assert lenient_probability(np.array([1.0, 0.45, 1e-8, 0.0, 1e-8]), narrow) == 0.9
+    assert lenient_probability(np.array([1.0, 0.45, 1e-8, 0.0, 0.04**2]), narrow) == 0.0
+
+
+def test_clutter_is_given_up_and_never_reported() -> None:
+    slam = EkfSlam(ROBUST, "nearest")
+    reports = [look(slam, 0, [(1.0, 0.0), (1.0, 2.0)])]
+    for t in range(1, 8):
+        reports.append(look(slam, t, [(1.0, 0.0)]))
+        assert len(slam.estimated_map()) <= 1
+    assert sum(r.removed for r in reports) == 1
+    assert slam._n == 1
+    assert slam.estimated_map().landmarks.ids.tolist() == [1]
+
+
+def test_confirmation_takes_k_of_n_sightings() -> None:
+    config = dataclasses.replace(with_rules(confirm_hits=3, confirm_window=4), min_seen=1)
+    slam = EkfSlam(config, "nearest")
+    for t, seen in enumerate([True, True, False]):
+        look(slam, t, [(1.0, 0.0)] if seen else [])
+    assert len(slam.estimated_map()) == 0
+    look(slam, 3, [(1.0, 0.0)])
+    assert len(slam.estimated_map()) == 1
+
+
+def test_sightings_too_far_apart_do_not_confirm_but_many_do() -> None:
+    far = (1.95, 0.0)  # beyond reach no scan counts as a miss: use the long count
+    config = dataclasses.replace(with_rules(confirm_hits=40, confirm_window=50), min_seen=1)
+    slam = EkfSlam(config, "nearest")
+    for t in range(RULES.confirm_count - 1):
+        look(slam, t, [far])
+    assert len(slam.estimated_map()) == 0
+    look(slam, 50, [far])
+    assert len(slam.estimated_map()) == 1
+
+
+@pytest.mark.parametrize(
+    "cone", [(0.4, 1.0), (1.95, 0.0), (0.5, math.pi)], ids=["blind zone", "beyond reach", "astern"]
+)
+def test_absence_where_nothing_could_be_seen_is_no_evidence(cone: tuple[float, float]) -> None:
+    slam = EkfSlam(ROBUST, "nearest")
+    for t in range(10):
+        look(slam, t, [cone])
+    for t in range(200):
+        look(slam, 10 + t, [])
+    assert len(slam.estimated_map()) == 1
+
+
+def test_outside_the_field_of_view_absence_is_no_evidence() -> None:
+    for angle, kept in ((1.0, 1), (math.tau, 0)):
+        slam = EkfSlam(with_rules(field_of_view_rad=angle), "nearest")
+        for t in range(10):
+            look(slam, t, [(1.0, 0.8)])
+        for t in range(20):
+            look(slam, 10 + t, [])
+        assert slam._n == kept
+
+
+def test_a_cone_behind_another_may_be_hidden() -> None:
+    for radius, kept in ((0.1, 2), (0.0, 1)):
+        slam = EkfSlam(with_rules(occluder_radius_m=radius), "nearest")
+        for t in range(10):
+            look(slam, t, [(0.7, 0.0), (1.3, 0.05)])
+        for t in range(20):
+            look(slam, 10 + t, [(0.7, 0.0)])
+        assert slam._n == kept
+
+
+def test_an_old_landmark_outlives_a_bounded_number_of_misses() -> None:
+    slam = EkfSlam(ROBUST, "nearest")
+    for t in range(500):
+        look(slam, t, [(1.0, 0.0)])
+    misses = 0
+    while slam._n:
+        look(slam, 500 + misses, [])
+        misses += 1
+    assert 3 <= misses <= 6
+
+
+def test_a_place_remembers_when_a_landmark_first_stood_there() -> None:
+    slam = EkfSlam(ROBUST, "nearest")
+    for t in range(3):
+        look(slam, t, [(1.0, 0.0), (1.2, 2.0)] if t == 0 else [(1.2, 2.0)])
+    for t in range(3, 10):
+        look(slam, t, [(1.2, 2.0)])
+    for t in range(20, 40):
+        look(slam, t, [(1.05, 0.0), (1.2, 2.0)])
+    found = slam.estimated_map()
+    assert found.t_added_ns is not None
+    assert found.t_first_ns is not None
+    by_id = dict(zip(found.landmarks.ids.tolist(), range(len(found)), strict=True))
+    assert found.t_added_ns[by_id[3]] == 20
+    assert found.t_first_ns[by_id[3]] == 0
+    assert found.t_first_ns[by_id[2]] == 0
+
+
+def test_departed_places_that_coincide_are_one_and_their_number_is_bounded() -> None:
+    departed = Departed(0.3)
+    for t in (9, 5, 7):
+        departed.add(1.0, 0.01 * t, t)
+    places, added = np.array([[1.0, 0.0], [3.0, 0.0]]), np.array([8, 8])
+    assert departed.first_times(places, added).tolist() == [5, 8]
+    assert departed._t_ns.size == 1
+
+
+def test_removal_moves_place_covariance_and_record_together() -> None:
+    slam = EkfSlam(ROBUST, "nearest")
+    cones = [(1.0, 0.5 * k) for k in range(6)]
+    slam.predict(np.array([[0.2, 0.0, 0.1]]), np.array([0.3]))
+    for t in range(12):
+        look(slam, t, cones)
+    slam.predict(np.array([[0.05, 0.0, 0.02]]), np.array([0.1]))
+    before, P = slam._records[:6].copy(), full(slam._P, 15)
+    x = slam._x[:15].copy()
+    for gone in (1, 3):
+        slam._remove(gone)
+    # Slot 1 got the last (5), then slot 3 got the last of the rest (4).
+    slots = [0, 5, 2, 4]
+    columns = [0, 1, 2, *np.ravel([[3 + 2 * s, 4 + 2 * s] for s in slots])]
+    np.testing.assert_array_equal(slam._records[:4], before[slots])
+    np.testing.assert_array_equal(slam._x[:11], x[columns])
+    np.testing.assert_array_equal(full(slam._P, 11), P[np.ix_(columns, columns)])
+    due = expectations(slam._x, slam._P, 4)
+    assert np.all(np.isfinite(due))
+    for t in range(30, 40):
+        look(slam, t, cones)
+    assert np.all(np.linalg.eigvalsh(full(slam._P, 3 + 2 * slam._n)) > 0)
+
+
+def test_where_the_sensor_names_its_landmarks_they_stay() -> None:
+    slam = EkfSlam(dataclasses.replace(ROBUST, min_seen=1), "known")
+    slam.update(0, np.array([7]), np.array([1.0]), np.array([0.0]))
+    for t in range(50):
+        slam.update(1 + t, np.array([8]), np.array([1.0]), np.array([2.0]))
+    assert slam.estimated_map().landmarks.ids.tolist() == [7, 8]
+
+
+@pytest.mark.parametrize("association", ["known", "nearest", "jcbb"])
+def test_what_is_no_observation_is_left_out_and_counted(association: str) -> None:
+    slam, clean = EkfSlam(ROBUST, association), EkfSlam(ROBUST, association)
+    bad: Floats = np.array([np.nan, np.inf, -1.0, 0.0, 1.0, 1.0, 1.2])
+    bearings = np.array([0.0, 0.0, 0.0, 0.0, np.nan, np.inf, 0.4])
+    ids = np.arange(7)
+    for t in range(4):
+        assert slam.update(t, ids, bad, bearings).invalid == 6
+        clean.update(t, ids[6:], bad[6:], bearings[6:])
+    np.testing.assert_array_equal(slam._x[:5], clean._x[:5])
+    np.testing.assert_array_equal(slam._P, clean._P)
+
+
+@pytest.mark.parametrize("association", ["known", "nearest", "jcbb"])
+@pytest.mark.parametrize("preset", ["thesis", "robust"])
+def test_ten_thousand_clutter_points_leave_time_and_map_bounded(
+    preset: str, association: str
+) -> None:
+    random = np.random.default_rng(0)
+    rules = dataclasses.replace(PRESETS[preset].landmarks, max_landmarks=300)
+    config = dataclasses.replace(PRESETS[preset], landmarks=rules)
+    slam = EkfSlam(config, association)
+    total = UpdateReport()
+    for t in range(4):
+        slam.predict(np.array([[0.05, 0.0, 0.01]]), np.array([0.1]))
+        ranges, bearings = random.uniform(0.1, 5.0, 10_000), random.uniform(-3.1, 3.1, 10_000)
+        total += slam.update(t, np.arange(10_000) + 10_000 * t, ranges, bearings)
+    assert slam._n <= 300
+    counted = total.matched + total.added + total.ignored + total.rejected + total.over_limit
+    assert counted == 40_000
+    assert total.over_limit >= 4 * (10_000 - config.max_observations)
+
+
+@pytest.mark.parametrize("association", ["nearest", "jcbb"])
+@pytest.mark.parametrize("name", ["turn", "s-curve", "loop"])
+def test_among_clutter_the_map_is_right(name: str, association: str) -> None:
+    """A tenth of benchmarks/slam_accuracy.py."""
+    found = [world.run(EkfSlam(ROBUST, association), world.drive(name, seed)) for seed in range(4)]
+    right = [f.false_negatives == f.false_positives == 0 for f in found]
+    assert sum(right) >= 3
+    assert np.mean([f.position_m for f in found]) <= 0.025
+
+
+def test_as_the_thesis_had_it_the_same_drive_leaves_many_false_landmarks() -> None:
+    found = world.run(EkfSlam(PRESETS["thesis"], "nearest"), world.drive("turn", 0))
+    assert found.false_positives >= 10
+
+
+def test_rules_off_are_the_default() -> None:
+    assert PRESETS["thesis"].landmarks == LandmarkRules()
