@@ -36,7 +36,7 @@ class PosedPath:
     def planar(cls, path: Trajectory) -> PosedPath:
         """The same poses, headings as rotations."""
         cos, sin = np.cos(path.heading), np.sin(path.heading)
-        rotations = np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], axis=-2)
+        rotations = np.stack([cos, -sin, sin, cos], axis=1).reshape(-1, 2, 2)
         return cls(path.t_ns, path.positions, rotations)
 
 
@@ -117,9 +117,8 @@ def relative_metrics(
     path after its beginning. All None when the path is shorter than one step.
     """
     knots = _step_knots(estimate, options)
-    begin, end = knots[:-1], knots[1:]
-    moved_truth, turned_truth = _steps(truth, begin, end)
-    moved, turned = _steps(estimate, begin, end)
+    moved_truth, turned_truth = _steps(truth, knots)
+    moved, turned = _steps(estimate, knots)
     return {
         **statistics("rpe", np.linalg.norm(moved - moved_truth, axis=1)),
         **statistics("rpe_rotation", angles_between(turned_truth, turned)),
@@ -144,13 +143,16 @@ def _step_knots(path: PosedPath, options: ScoreOptions) -> npt.NDArray[np.int64]
         knots.append(following)
 
 
-def _steps(
-    path: PosedPath, begin: npt.NDArray[np.int64], end: npt.NDArray[np.int64]
-) -> tuple[Floats, Floats]:
-    """Translation (k, d) and rotation (k, d, d) of pose `end` as pose `begin` sees it."""
-    back = np.swapaxes(path.rotations[begin], 1, 2)
-    moved = np.einsum("kij,kj->ki", back, path.positions[end] - path.positions[begin])
-    return moved, back @ path.rotations[end]
+def _steps(path: PosedPath, knots: npt.NDArray[np.int64]) -> tuple[Floats, Floats]:
+    """Translation (k, d) and rotation (k, d, d) of each knot as the one before sees it."""
+    rotations, shift = path.rotations[knots], np.diff(path.positions[knots], axis=0)
+    before, after = rotations[:-1], rotations[1:]
+    moved, turned = np.zeros_like(shift), np.zeros_like(before)
+    # Sums over the two or three axes by hand: matmul of many small matrices takes longer.
+    for axis in range(shift.shape[1]):
+        moved += before[:, axis, :] * shift[:, axis, None]
+        turned += before[:, axis, :, None] * after[:, axis, None, :]
+    return moved, turned
 
 
 def angles_between(first: Floats, second: Floats) -> Floats:
