@@ -42,9 +42,8 @@ class Result:
 
 def main() -> None:
     """Print the table and how the figures stand against their limits."""
-    data = Path(sys.argv[1]) if len(sys.argv) > 1 else _data_dir()
     with tempfile.TemporaryDirectory() as folder:
-        results = [run(data / "MRCLAM_Dataset7", robot, Path(folder)) for robot in ROBOTS]
+        results = [run(data_dir() / "MRCLAM_Dataset7", robot, Path(folder)) for robot in ROBOTS]
     print(table(results).render("md"))
     print()
     print(verdicts(results).render("md"))
@@ -59,8 +58,8 @@ def run(dataset: Path, robot: int, folder: Path) -> Result:
     started = time.perf_counter()
     trackside("slam", session, *SLAM, "--name", "ekf")
     slam_s = time.perf_counter() - started
-    path = scored(session, "path")
-    landmarks = scored(session, "map")
+    path = scored(session, "ekf", "path")
+    landmarks = scored(session, "ekf", "map")
     trackside("export", "tum", session, "-o", folder / f"tum{robot}")
     odometry = folder / f"tum{robot}" / "odometry_wheel.tum"
     truth = session / "ground_truth" / "car.tum"
@@ -79,23 +78,12 @@ def run(dataset: Path, robot: int, folder: Path) -> Result:
     )
 
 
-def scored(session: Path, align: str) -> dict[str, dict[str, float]]:
-    """The JSON score of the estimate under one alignment, pairing distance 0.5 m."""
-    words = (
-        "--estimate",
-        "ekf",
-        "--align",
-        align,
-        "--cutoff",
-        "0.5",
-        "--no-report",
-        "--format",
-        "json",
-    )
-    found: dict[str, dict[str, float]] = json.loads(trackside("score", session, *words))["scores"][
-        0
-    ]
-    return found
+def scored(session: Path, name: str, align: str) -> dict[str, dict[str, float]]:
+    """The JSON score of an estimate under one alignment, pairing distance 0.5 m."""
+    words = ("--estimate", name, "--align", align, "--cutoff", "0.5", "--no-report")
+    found = json.loads(trackside("score", session, *words, "--format", "json"))
+    one: dict[str, dict[str, float]] = found["scores"][0]
+    return one
 
 
 def trackside(*words: object) -> str:
@@ -143,20 +131,22 @@ def verdicts(results: list[Result]) -> Table:
         "mean map": sum(r.map_m for r in results) / n,
         "slowest": max(r.slam_s for r in results),
     }
+    return against(LIMITS, found)
+
+
+def against(limits: dict[str, float], found: dict[str, float]) -> Table:
+    """Figures beside the limits of the same name."""
     rows = tuple(
-        (
-            name,
-            value,
-            LIMITS[name],
-            value / LIMITS[name],
-            "met" if value <= LIMITS[name] else "MISSED",
-        )
-        for name, value in found.items()
+        (name, found[name], limit, found[name] / limit, "met" if found[name] <= limit else "MISSED")
+        for name, limit in limits.items()
     )
     return Table(("figure", "found", "at most", "found / at most", ""), rows)
 
 
-def _data_dir() -> Path:
+def data_dir() -> Path:
+    """Where the MRCLAM sets lie: the first argument, or in `TRACKSIDE_DATA`."""
+    if len(sys.argv) > 1:
+        return Path(sys.argv[1])
     shared = Path(__file__).parent.parent.parent / "shared" / "data"
     return Path(os.environ.get("TRACKSIDE_DATA", shared)) / "mrclam"
 

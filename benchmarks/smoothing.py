@@ -9,14 +9,12 @@ both by `trackside score`. Seconds are those of the pass alone, kernels compiled
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
 import tempfile
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
+
+from mrclam import ROBOTS, against, data_dir, scored, trackside
 
 from capture import Estimate, Observations, Odometry, Session
 from dialogue import Cell, Table
@@ -24,7 +22,6 @@ from slam.algorithms import Request, estimate_session
 from slam.smoothing import smooth
 from slam.smoothing_config import SmoothingConfig
 
-ROBOTS = (1, 2, 3, 4, 5)
 NAMES = ("ekf", "smoothed")
 LIMITS = {"mean path": 0.15, "mean map": 0.07, "slowest": 3.0}
 
@@ -44,9 +41,8 @@ class Result:
 
 def main() -> None:
     """Print the table and how the figures stand against their limits."""
-    data = Path(sys.argv[1]) if len(sys.argv) > 1 else _data_dir()
     with tempfile.TemporaryDirectory() as folder:
-        results = [run(data / "MRCLAM_Dataset7", robot, Path(folder)) for robot in ROBOTS]
+        results = [run(data_dir() / "MRCLAM_Dataset7", robot, Path(folder)) for robot in ROBOTS]
     print(table(results).render("md"))
     print()
     print(verdicts(results).render("md"))
@@ -60,8 +56,8 @@ def run(dataset: Path, robot: int, folder: Path) -> Result:
     after, pass_s = timed(before, session.odometry(), session.observations())
     for estimate in (before, replace(after, name=NAMES[1])):
         session.write_estimate(estimate)
-    path = [scored(session.folder, name, "path") for name in NAMES]
-    landmarks = [scored(session.folder, name, "map") for name in NAMES]
+    path = [scored(session.folder, name, "path")["errors"] for name in NAMES]
+    landmarks = [scored(session.folder, name, "map")["errors"] for name in NAMES]
     told = after.provenance["smoothing"]
     assert isinstance(told, dict)
     return Result(
@@ -89,20 +85,6 @@ def timed(
     return after, min(seconds[1:])
 
 
-def scored(session: Path, name: str, align: str) -> dict[str, float]:
-    """The six errors of an estimate under one alignment, pairing distance 0.5 m."""
-    words = ("--estimate", name, "--align", align, "--cutoff", "0.5", "--no-report")
-    found = json.loads(trackside("score", session, *words, "--format", "json"))
-    errors: dict[str, float] = found["scores"][0]["errors"]
-    return errors
-
-
-def trackside(*words: object) -> str:
-    """Run one command as a user does; its standard output."""
-    command = [sys.executable, "-m", "trackside", *map(str, words)]
-    return subprocess.run(command, check=True, capture_output=True, text=True).stdout
-
-
 def table(results: list[Result]) -> Table:
     """A row per robot and their mean."""
     figures = [(*r.path_m, *r.worst_m, *r.map_m) for r in results]
@@ -127,22 +109,7 @@ def verdicts(results: list[Result]) -> Table:
         "mean map": sum(r.map_m[1] for r in results) / n,
         "slowest": max(r.pass_s for r in results),
     }
-    rows = tuple(
-        (
-            name,
-            value,
-            LIMITS[name],
-            value / LIMITS[name],
-            "met" if value <= LIMITS[name] else "MISSED",
-        )
-        for name, value in found.items()
-    )
-    return Table(("figure", "found", "at most", "found / at most", ""), rows)
-
-
-def _data_dir() -> Path:
-    shared = Path(__file__).parent.parent.parent / "shared" / "data"
-    return Path(os.environ.get("TRACKSIDE_DATA", shared)) / "mrclam"
+    return against(LIMITS, found)
 
 
 if __name__ == "__main__":
