@@ -46,10 +46,14 @@ ALGORITHMS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """What shall be run on a session; `seed` matters to algorithms that draw random numbers."""
+    """What shall be run on a session.
+
+    association : None takes known ids where the sensor names its landmarks, else the algorithm's
+    first other rule; seed : for algorithms that draw random numbers.
+    """
 
     algorithm: str = "ekf"
-    association: str = "known"
+    association: str | None = None
     preset: str = "robust"
     settings: tuple[str, ...] = ()
     odometry: str | None = None
@@ -60,11 +64,8 @@ class Request:
         _one_of("--algorithm", self.algorithm, ALGORITHMS)
         chosen = ALGORITHMS[self.algorithm]
         _one_of("--preset", self.preset, chosen.presets)
-        _one_of("--association", self.association, chosen.associations)
-        if self.smooth and self.association != "known":
-            raise UsageError(
-                "--smooth needs --association known: it must know which sighting is whose"
-            )
+        if self.association is not None:
+            _one_of("--association", self.association, chosen.associations)
 
     def config(self) -> Any:
         """The preset with the settings on top; raises `UsageError` for names or values."""
@@ -78,13 +79,6 @@ class Request:
         return config
 
 
-def default_association(session: Session, algorithm: str) -> str:
-    """Known ids where the sensor names its landmarks, else the algorithm's first other rule."""
-    _one_of("--algorithm", algorithm, ALGORITHMS)
-    named = session.has_observations or not session.has_scans
-    return ALGORITHMS[algorithm].associations[0 if named else 1]
-
-
 def estimate_session(
     session: Session, request: Request, name: str | None = None
 ) -> tuple[Estimate, RunReport, list[str]]:
@@ -96,17 +90,19 @@ def estimate_session(
     config = request.config()
     driven, source = odometry_of(session, request.odometry)
     observations, provenance, notes = _observations(session, driven, request)
+    association = _association(session, observations, request)
     provenance = {
         **{key: value for key, value in asdict(request).items() if key != "settings"},
+        "association": association,
         "odometry": driven.source,
         "config": asdict(config),
         **provenance,
     }
     make = ALGORITHMS[request.algorithm].make
-    _compile(make(config, request.association, request.seed))
+    _compile(make(config, association, request.seed))
     with Progress(request.algorithm, observations.batch_starts.size - 1) as progress:
         estimate, report = run_slam(
-            make(config, request.association, request.seed),
+            make(config, association, request.seed),
             driven,
             observations,
             name=name or request.algorithm,
@@ -121,18 +117,27 @@ def estimate_session(
     return estimate, report, notes
 
 
+def _association(session: Session, observations: Observations, request: Request) -> str:
+    """The rule in force; raises `UsageError` where it asks for names that nobody gave."""
+    named = bool(np.any(observations.landmark_id >= 0))
+    known, *others = ALGORITHMS[request.algorithm].associations
+    chosen = request.association or (known if named else others[0])
+    if chosen == known and not named:
+        raise UsageError(
+            f"{session.folder}: its observations do not name their landmarks, --association known "
+            f"cannot be; use {' or '.join(others)}"
+        )
+    if request.smooth and chosen != known:
+        raise UsageError("--smooth needs --association known: it must know which sighting is whose")
+    return chosen
+
+
 def _observations(
     session: Session, driven: Odometry, request: Request
 ) -> tuple[Observations, dict[str, object], list[str]]:
     """Observations, how they were made, and what to tell of it."""
     if session.has_observations or not session.has_scans:
         return session.observations(), {}, []
-    if request.association == "known":
-        associations = ALGORITHMS[request.algorithm].associations[1:]
-        raise UsageError(
-            f"{session.folder} has lidar scans, and a scan does not name its cones: "
-            f"--association known cannot be; use {' or '.join(associations)}"
-        )
     from slam.cones import observations_from_scans
 
     own = [text.removeprefix(CONES) for text in request.settings if text.startswith(CONES)]

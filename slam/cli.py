@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     "--association",
     metavar="RULE",
     help="Whose a sighting is. known: the sensor names its landmarks; for ekf nearest or jcbb "
-    "(joint compatibility), for fastslam likelihood.  [default: known, or by lidar: nearest, "
-    "likelihood]",
+    "(joint compatibility), for fastslam likelihood.  [default: known where they have ids, else "
+    "nearest or likelihood]",
 )
 @click.option(
     "--preset",
@@ -83,14 +83,14 @@ def slam(
     if session is None:
         raise UsageError("expected a SESSION: trackside slam SESSION")
     from capture import Session
-    from slam.algorithms import Request, default_association, estimate_session
+    from slam.algorithms import Request, estimate_session
 
     recording, name = Session.open(session), name or algorithm
     if name in recording.estimates and not replace:
         raise UsageError(f"{session} has an estimate {name!r} already; give --name or --replace")
     request = Request(
         algorithm=algorithm,
-        association=association or default_association(recording, algorithm),
+        association=association,
         preset=preset,
         settings=settings,
         odometry=odometry,

@@ -106,8 +106,6 @@ def test_words_are_checked_before_any_work() -> None:
         Request(preset="robus")
     with pytest.raises(UsageError, match="nearest"):
         Request(association="nearby")
-    with pytest.raises(UsageError, match="--association known"):
-        Request(association="nearest", smooth=True)
 
 
 def test_with_nearest_association_landmarks_are_numbered(session: Path) -> None:
@@ -138,6 +136,12 @@ def test_smoothing_is_told_in_the_provenance(session: Path) -> None:
     told = estimate.provenance["smoothing"]
     assert isinstance(told, dict)
     assert told["converged"] is True
+
+
+def test_smoothing_needs_to_know_whose_a_sighting_is(session: Path) -> None:
+    refused = run(session, "--smooth", "--association", "nearest")
+    assert isinstance(refused.exception, UsageError)
+    assert "--association known" in str(refused.exception)
 
 
 def test_the_range_of_the_cone_finder_is_explained_without_a_session() -> None:
