@@ -12,7 +12,7 @@ from typing import cast
 
 import click
 
-from dialogue import TracksideError, UsageError
+from dialogue import TracksideError, UsageError, nearest_names
 
 COMMANDS = {
     "demo": ("trackside.demo:demo", "The whole road without hardware, in a minute."),
@@ -48,8 +48,6 @@ class _Commands(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         name = args[0]
         if name not in COMMANDS and not name.startswith("-"):
-            from dialogue import nearest_names
-
             ctx.fail(f"no command {name!r}; {nearest_names(name, COMMANDS)}")
         return super().resolve_command(ctx, args)
 
