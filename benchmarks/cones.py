@@ -14,8 +14,8 @@ import numpy as np
 from capture import Odometry, Scans
 from dialogue import Table
 from geometry import Floats
-from slam.cone_config import CONE_PRESETS, ConeConfig
-from slam.cones import detect_cones
+from slam.cones.config import CONE_PRESETS, ConeConfig
+from slam.cones.detection import detect_cones
 
 BEAMS = 800
 REVOLUTIONS = 300

@@ -22,8 +22,8 @@ import numpy as np
 
 from dialogue import Table
 from geometry import Floats, wrap
-from slam.fastslam import FastSlam
-from slam.fastslam_config import FASTSLAM_PRESETS
+from slam.fastslam.config import FASTSLAM_PRESETS
+from slam.fastslam.filter import FastSlam
 
 OBSERVATIONS = 8
 REFERENCE_MS = {

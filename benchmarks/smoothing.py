@@ -19,8 +19,8 @@ from mrclam import ROBOTS, against, data_dir, scored, trackside
 from capture import Estimate, Observations, Odometry, Session
 from dialogue import Cell, Table
 from slam.algorithms import Request, estimate_session
-from slam.smoothing import smooth
-from slam.smoothing_config import SmoothingConfig
+from slam.smoothing.config import SmoothingConfig
+from slam.smoothing.smoother import smooth
 
 NAMES = ("ekf", "smoothed")
 LIMITS = {"mean path": 0.15, "mean map": 0.07, "slowest": 3.0}

@@ -10,14 +10,14 @@ import numpy as np
 
 from capture import Estimate, Observations, Odometry, Session, with_overrides
 from dialogue import Progress, UsageError, nearest_names
-from slam.cone_config import cone_config
+from slam.cones.config import cone_config
 from slam.config import PRESETS
 from slam.ekf import ASSOCIATIONS, EkfSlam
-from slam.fastslam import FASTSLAM_ASSOCIATIONS, FastSlam
-from slam.fastslam_config import FASTSLAM_PRESETS
+from slam.fastslam.config import FASTSLAM_PRESETS
+from slam.fastslam.filter import FASTSLAM_ASSOCIATIONS, FastSlam
 from slam.interface import Slam
 from slam.run import RunReport, run_slam
-from slam.smoothing_config import SmoothingConfig
+from slam.smoothing.config import SmoothingConfig
 from slam.sources import odometry_of
 
 CONES = "cones."
@@ -138,7 +138,7 @@ def _observations(
     """Observations, how they were made, and what to tell of it."""
     if session.has_observations or not session.has_scans:
         return session.observations(), {}, []
-    from slam.cones import observations_from_scans
+    from slam.cones.detection import observations_from_scans
 
     own = [text.removeprefix(CONES) for text in request.settings if text.startswith(CONES)]
     cones = cone_config(request.preset, own)
@@ -149,7 +149,7 @@ def _observations(
 def _smoothed(
     estimate: Estimate, driven: Odometry, observations: Observations, config: Any
 ) -> Estimate:
-    from slam.smoothing import smooth
+    from slam.smoothing.smoother import smooth
 
     assert estimate.map is not None
     ids = observations.landmark_id

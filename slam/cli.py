@@ -104,8 +104,8 @@ def slam(
 
 
 def _range_table(preset: str, settings: tuple[str, ...], spacing_deg: float) -> str:
-    from slam.cone_config import cone_config
-    from slam.cone_geometry import explain_range
+    from slam.cones.config import cone_config
+    from slam.cones.geometry import explain_range
 
     own = [text.removeprefix("cones.") for text in settings]
     return explain_range(cone_config(preset, own), math.radians(spacing_deg)).render("table")

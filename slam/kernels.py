@@ -1,7 +1,7 @@
 """Compilation of the inner loops, with a cache that cannot be stale.
 
 numba notices a change of the file a kernel stands in, not of the functions it calls in other
-files. The cache is therefore kept under a name made from the text of this whole room.
+files. The cache is therefore kept under a name made from the text of this whole room and its parts.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def cache_folder() -> Path:
 
 def _source_hash() -> str:
     digest = hashlib.sha256()
-    for file in sorted(Path(__file__).parent.glob("*.py")):
+    for file in sorted(Path(__file__).parent.rglob("*.py")):
         digest.update(file.read_bytes())
     return digest.hexdigest()[:16]
 

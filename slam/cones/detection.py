@@ -18,8 +18,8 @@ import numpy.typing as npt
 
 from capture import Observations, Odometry, Scans
 from geometry import Floats, Stamps
-from slam import cone_kernels as kernels
-from slam.cone_config import CENTRES, ConeConfig
+from slam.cones import kernels
+from slam.cones.config import CENTRES, ConeConfig
 from slam.observation import noise_array
 
 MAX_REVOLUTION_S = 1.0

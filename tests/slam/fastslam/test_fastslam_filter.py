@@ -9,8 +9,8 @@ from fastslam_reference import BEARING_SIGMA_RAD, laps, polar_update, ring, seen
 
 from geometry import Floats, wrap
 from slam.config import MotionNoise, ObservationNoise
-from slam.fastslam import FastSlam
-from slam.fastslam_config import FASTSLAM_PRESETS, FastSlamConfig, Removal
+from slam.fastslam.config import FASTSLAM_PRESETS, FastSlamConfig, Removal
+from slam.fastslam.filter import FastSlam
 
 STILL = MotionNoise(xy_sigma_m_per_sqrt_s=0.0, heading_sigma_rad_per_sqrt_s=0.0)
 OBSERVATION = ObservationNoise(range_sigma_m=0.04, bearing_sigma_rad=BEARING_SIGMA_RAD)

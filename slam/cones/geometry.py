@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from dialogue import Cell, Table
-from slam.cone_config import MANY_HITS, ConeConfig
+from slam.cones.config import MANY_HITS, ConeConfig
 
 
 def subtense_rad(distance_m: float, radius_m: float) -> float:

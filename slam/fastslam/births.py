@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometry import Floats, Stamps
-from slam.fastslam_cloud import Integers
+from slam.fastslam.cloud import Integers
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,8 +15,8 @@ from lidar_world import PERIOD_NS, LidarWorld, room
 from capture import Observations, Odometry, Scans, Session
 from capture.import_bag import import_bag
 from geometry import Floats, wrap
-from slam.cone_config import CONE_PRESETS, cone_config
-from slam.cones import ConeDetections, detect_cones, observations_from_scans
+from slam.cones.config import CONE_PRESETS, cone_config
+from slam.cones.detection import ConeDetections, detect_cones, observations_from_scans
 
 ROBUST, THESIS = CONE_PRESETS["robust"], CONE_PRESETS["thesis"]
 NO_FLOOR = ["floor.range_sigma_m=1e-6", "floor.bearing_sigma_rad=1e-6"]

@@ -17,11 +17,10 @@ import numpy.typing as npt
 
 from capture import Estimate, EstimatedMap, Observations, Odometry
 from geometry import Floats, LandmarkMap, wrap
-from slam import smoothing_chain as chain
-from slam import smoothing_kernels as kernels
 from slam.errors import SlamError
-from slam.smoothing_config import SmoothingConfig
-from slam.smoothing_problem import Problem, path_between, problem_of
+from slam.smoothing import chain, kernels
+from slam.smoothing.config import SmoothingConfig
+from slam.smoothing.problem import Problem, path_between, problem_of
 
 _Number = TypeVar("_Number", np.int64, np.float64)
 

@@ -11,11 +11,10 @@ from scipy.optimize import least_squares
 from smoothing_world import CONFIG, START_NS, S, dead_reckoned, world
 
 from geometry import Floats, LandmarkMap, between, wrap
-from slam import smoothing_chain as chain
-from slam import smoothing_kernels as kernels
 from slam.errors import SlamError
-from slam.smoothing import smooth
-from slam.smoothing_problem import Problem
+from slam.smoothing import chain, kernels
+from slam.smoothing.problem import Problem
+from slam.smoothing.smoother import smooth
 
 
 def dense(normal: kernels.Normal, factors: kernels.Factors) -> tuple[Floats, Floats]:
@@ -349,7 +348,7 @@ def test_parts_that_do_not_belong_together_are_refused() -> None:
 @pytest.mark.realdata
 @pytest.mark.slow
 def test_five_real_robots_are_smoothed_as_well_as_promised(data_dir: Path) -> None:
-    script = Path(__file__).parent.parent.parent / "benchmarks" / "smoothing.py"
+    script = Path(__file__).parents[3] / "benchmarks" / "smoothing.py"
     command = [sys.executable, str(script), str(data_dir / "mrclam")]
     printed = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     lines = printed.splitlines()

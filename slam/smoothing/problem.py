@@ -12,8 +12,8 @@ from geometry import Floats, LandmarkMap, Stamps, Trajectory, between, compose, 
 from slam import motion
 from slam.config import ObservationNoise
 from slam.errors import SlamError
-from slam.smoothing_config import SmoothingConfig
-from slam.smoothing_kernels import CAUCHY, HUBER, NO_LOSS, Factors, chain_motions
+from slam.smoothing.config import SmoothingConfig
+from slam.smoothing.kernels import CAUCHY, HUBER, NO_LOSS, Factors, chain_motions
 
 _LOSSES = {"none": NO_LOSS, "huber": HUBER, "cauchy": CAUCHY}
 _LEAST_MOTION_SIGMA = 1e-5

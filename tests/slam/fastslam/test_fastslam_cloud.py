@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slam.config import MotionNoise
-from slam.fastslam_cloud import (
+from slam.fastslam.cloud import (
     Cloud,
     columns,
     grown,

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dialogue import UsageError
-from slam.cone_config import cone_config
-from slam.cone_geometry import (
+from slam.cones.config import cone_config
+from slam.cones.geometry import (
     d_certain,
     d_possible,
     detection_probability,

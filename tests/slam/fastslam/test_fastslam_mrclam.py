@@ -11,8 +11,8 @@ import pytest
 from capture import Session
 from capture.import_mrclam import import_mrclam
 from geometry import planar_umeyama, transform_points
-from slam.fastslam import FastSlam
-from slam.fastslam_config import FASTSLAM_PRESETS
+from slam.fastslam.config import FASTSLAM_PRESETS
+from slam.fastslam.filter import FastSlam
 from slam.run import run_slam
 
 CONFIG = dataclasses.replace(FASTSLAM_PRESETS["robust"], particles=200)

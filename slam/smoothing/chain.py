@@ -15,7 +15,7 @@ import numpy as np
 
 from geometry import Floats
 from slam.kernels import kernel
-from slam.smoothing_kernels import Factors, Normal
+from slam.smoothing.kernels import Factors, Normal
 
 
 @kernel

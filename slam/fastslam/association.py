@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 
-from slam.fastslam_cloud import Cloud
-from slam.fastslam_scan import IGNORED, NEW, Decisions, Rules, Scan, Scratch, squared_distance
+from slam.fastslam.cloud import Cloud
+from slam.fastslam.scan import IGNORED, NEW, Decisions, Rules, Scan, Scratch, squared_distance
 from slam.kernels import kernel
 
 

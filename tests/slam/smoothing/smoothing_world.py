@@ -10,9 +10,9 @@ import numpy.typing as npt
 from capture import Estimate, EstimatedMap, Observations, Odometry
 from geometry import Floats, LandmarkMap, Trajectory, compose, wrap
 from slam.config import MotionNoise, ObservationNoise
-from slam.smoothing import smooth
-from slam.smoothing_config import SmoothingConfig
-from slam.smoothing_problem import Problem, problem_of
+from slam.smoothing.config import SmoothingConfig
+from slam.smoothing.problem import Problem, problem_of
+from slam.smoothing.smoother import smooth
 
 S = 1_000_000_000
 START_NS = 1_700_000_000 * S

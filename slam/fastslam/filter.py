@@ -9,10 +9,10 @@ import numpy.typing as npt
 
 from capture import EstimatedMap
 from geometry import Floats, LandmarkMap
-from slam import fastslam_kernels as kernels
 from slam import motion
-from slam.fastslam_births import Births
-from slam.fastslam_cloud import (
+from slam.fastslam import kernels
+from slam.fastslam.births import Births
+from slam.fastslam.cloud import (
     grown,
     moments,
     move,
@@ -21,8 +21,8 @@ from slam.fastslam_cloud import (
     offspring,
     resample,
 )
-from slam.fastslam_config import FastSlamConfig
-from slam.fastslam_scan import (
+from slam.fastslam.config import FastSlamConfig
+from slam.fastslam.scan import (
     IGNORED,
     NEW,
     REFUSED,

@@ -15,9 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from geometry import Floats
-from slam.fastslam_association import associate, landmarks_within_reach
-from slam.fastslam_cloud import Cloud
-from slam.fastslam_scan import (
+from slam.fastslam.association import associate, landmarks_within_reach
+from slam.fastslam.cloud import Cloud
+from slam.fastslam.scan import (
     NEW,
     REFUSED,
     REJECTED,

@@ -2,7 +2,7 @@
 
 Unknowns are K + 1 poses, of which the first stays where it is, and n landmarks. Odometry ties a
 pose only to its neighbours, so the pose part T of the normal equations is block tridiagonal;
-`slam.smoothing_chain` eliminates it. Landmarks see each other only through poses.
+`slam.smoothing.chain` eliminates it. Landmarks see each other only through poses.
 """
 
 from __future__ import annotations
