@@ -16,7 +16,7 @@ import click
 
 from dialogue import TABLE_FORMATS, Table
 
-OUR_NAMES = ("dialogue", "geometry", "capture", "slam", "scoring", "trackside")
+OUR_NAMES = ("dialogue", "drivers", "geometry", "capture", "slam", "scoring", "trackside")
 """The rooms, which are import names shared with the whole environment."""
 
 LIBRARIES = {
