@@ -82,6 +82,7 @@ class ModelPort:
         self.model = model
         self.written = bytearray()
         self.bauds: list[int] = []
+        self.dtr: bool | None = None
         self.closed = False
         self._name, self._now_ns, self._gone = name, start_ns, False
         self._waiting = bytearray()
@@ -122,6 +123,11 @@ class ModelPort:
         self._check()
         self.bauds.append(baud)
         self._waiting.clear()
+
+    def set_dtr(self, level: bool) -> None:
+        """Note the state of that line."""
+        self._check()
+        self.dtr = level
 
     def close(self) -> None:
         """Note that the driver is done."""

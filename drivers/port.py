@@ -124,18 +124,33 @@ class SerialPort:
 
         try:
             self._serial.write(data)
-        except (OSError, serial.SerialException) as err:
+        except (OSError, TypeError, serial.SerialException) as err:  # TypeError: closed meanwhile
             raise self._lost(err) from err
 
     def set_baud(self, baud: int) -> None:
         """Change the speed of the line; bytes that wait are dropped."""
+        import termios
+
         import serial
 
         try:
             self._serial.baudrate = baud
             self._serial.reset_input_buffer()
-        except (OSError, serial.SerialException) as err:
+        except (OSError, serial.SerialException, termios.error) as err:
             raise self._lost(err) from err
+
+    def set_dtr(self, level: bool) -> None:
+        """Set that line, which stays so after closing; nothing happens where a port has none."""
+        import termios
+
+        try:
+            attributes = termios.tcgetattr(self._serial.fileno())
+            attributes[2] &= ~termios.HUPCL  # else the system lowers the line when we close
+            termios.tcsetattr(self._serial.fileno(), termios.TCSANOW, attributes)
+            self._serial.dtr = level
+        except (OSError, TypeError, ValueError, termios.error) as err:
+            if getattr(err, "errno", None) not in (errno.ENOTTY, errno.EINVAL):
+                raise self._lost(err) from err
 
     def close(self) -> None:
         """Give the port back."""
