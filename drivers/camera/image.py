@@ -32,8 +32,16 @@ def grey_image(frame: Frame) -> Image:
         )
     if frame.format == "bgr8":
         return np.asarray(cv2.cvtColor(raw.reshape(*size, 3), cv2.COLOR_BGR2GRAY), dtype=np.uint8)
-    # In YUYV every second byte is brightness.
-    return np.ascontiguousarray(raw[::channels]).reshape(size)
+    return (yuyv_luma(frame.data) if frame.format == "yuyv" else raw).reshape(size)
+
+
+def yuyv_luma(data: bytes) -> Image:
+    """Brightness (n,) of n pixels in YUYV, where it is the first of every two bytes.
+
+    Raises `ValueError` for an odd number of bytes.
+    """
+    # The lower half of a 16-bit word: numpy narrows words much faster than it picks bytes.
+    return np.frombuffer(data, dtype="<u2").astype(np.uint8)
 
 
 def split_stereo(image: npt.NDArray[np.uint8]) -> tuple[Image, Image]:

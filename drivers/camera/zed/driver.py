@@ -7,9 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
 from drivers.camera.frame import Frame
+from drivers.camera.image import yuyv_luma
 from drivers.camera.v4l2.config import V4l2Config
 from drivers.camera.v4l2.driver import V4l2Camera, open_linux
 from drivers.camera.v4l2.source import VideoSource
@@ -137,7 +136,7 @@ class ZedCamera:
         expected = frame.width_px * frame.height_px * 2
         if len(frame.data) != expected:
             return frame
-        luma = np.frombuffer(frame.data, dtype=np.uint8)[::2]
+        luma = yuyv_luma(frame.data)
         if self.config.encode == "luma":
             return dataclasses.replace(frame, format="grey8", data=luma.tobytes())
         import cv2
