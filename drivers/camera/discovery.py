@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -97,13 +98,11 @@ def _described(
 def _stable_path(node: Path, devices: Path) -> str:
     """The link that leads to a node, by-id before by-path; the node itself if there is none."""
     for folder in STABLE:
-        try:
-            links = sorted((devices / folder).iterdir())
-        except OSError:
-            continue
-        for link in links:
-            if link.resolve() == node.resolve():
-                return str(link)
+        # No such folder, or links in a circle: then another name has to do.
+        with contextlib.suppress(OSError, RuntimeError):
+            for link in sorted((devices / folder).iterdir()):
+                if link.resolve() == node.resolve():
+                    return str(link)
     return str(node)
 
 

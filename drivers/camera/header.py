@@ -40,18 +40,21 @@ def read_header(data: bytes) -> ImageHeader:
 
 
 def read_jpeg_header(data: bytes) -> ImageHeader:
-    """Size and completeness of a JPEG; drivers may have put zeros behind its end."""
+    """Size and completeness of a JPEG; what a driver left behind its end does not matter."""
     if not data.startswith(SOI):
         return ImageHeader(None, fault="no JPEG: the start mark is missing")
-    size = _jpeg_size(data)
+    size, scan = _jpeg_segments(data)
     if size is None:
         return ImageHeader("jpeg", fault=DAMAGED)
-    fault = None if _jpeg_is_complete(data) else "cut off: the end mark is missing"
+    # Within the pixels FF is always followed by 00, so the end mark cannot stand there by chance.
+    complete = scan is not None and (data.endswith(EOI) or data.find(EOI, scan) >= 0)
+    fault = None if complete else "cut off: the end mark is missing"
     return ImageHeader("jpeg", size[0], size[1], fault)
 
 
-def _jpeg_size(data: bytes) -> tuple[int, int] | None:
-    """Width and height from the start-of-frame segment; None if the segments do not lead there."""
+def _jpeg_segments(data: bytes) -> tuple[tuple[int, int] | None, int | None]:
+    """Width and height, and where the pixels begin; None for what the segments do not lead to."""
+    size = None
     at = 2
     while at + 4 <= len(data) and data[at] == 0xFF:
         marker = data[at + 1]
@@ -59,21 +62,16 @@ def _jpeg_size(data: bytes) -> tuple[int, int] | None:
             at += 1 if marker == 0xFF else 2
             continue
         length = int.from_bytes(data[at + 2 : at + 4], "big")
+        if length < 2:
+            break
         if marker in SOF and length >= 8 and at + 9 <= len(data):
             height = int.from_bytes(data[at + 5 : at + 7], "big")
             width = int.from_bytes(data[at + 7 : at + 9], "big")
-            return (width, height) if width and height else None
-        if marker == SOS or length < 2:
-            return None
+            size = (width, height) if width and height else None
         at += 2 + length
-    return None
-
-
-def _jpeg_is_complete(data: bytes) -> bool:
-    if data.endswith(EOI):
-        return True
-    end = data.rfind(EOI)
-    return end >= 0 and data.count(0, end + 2) == len(data) - end - 2
+        if marker == SOS:
+            return size, at
+    return size, None
 
 
 def _png(data: bytes) -> ImageHeader:

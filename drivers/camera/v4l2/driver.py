@@ -12,6 +12,7 @@ from drivers.camera.v4l2.config import V4l2Config
 from drivers.camera.v4l2.settings import apply_controls, apply_mode, controls_in_force
 from drivers.camera.v4l2.source import (
     EXPOSURE_UNIT_NS,
+    Control,
     DeviceFacts,
     Grab,
     VideoSource,
@@ -23,6 +24,8 @@ from drivers.errors import DeviceFaultError, DeviceLostError, DriverError
 FIRST_FRAME_S = 3.0
 CHECK_S, CHECK_FRAMES, UNEVEN_FRAMES = 1.0, 12, 2
 """The rate is measured over so many frames or so long, after the first two."""
+SLOW = 1.5
+"""A frame so many periods after the last one came slowly: exposure in the dark, most often."""
 
 
 def open_linux(path: str) -> VideoSource:
@@ -36,7 +39,9 @@ class V4l2Camera:
     """A camera on this machine; a `drivers.Device` of `Frame`.
 
     A frame with damaged data is counted in `bad_frames` and still given, with its `fault`: the
-    recording is the raw record. Holes in the driver's count are `lost_samples`.
+    recording is the raw record. Holes in the driver's count are `lost_samples`. In the details:
+    `slow_frames` that the camera itself took late, `odd_stamps` that could not be, and
+    `sequence_steps_back`.
     """
 
     def __init__(
@@ -46,6 +51,8 @@ class V4l2Camera:
         self.counters = Counters()
         self._open = open_source
         self._source: VideoSource | None = None
+        self._slow_ns = round(SLOW * 1e9 / config.rate_hz)
+        self._closes = 0  # counted, so that `connect` sees one that came in between
         self._told: dict[str, object] = {}
         self._exposure_ns: int | None = None
         self._ours, self._epoch = True, 0
@@ -63,19 +70,18 @@ class V4l2Camera:
         Raises `DriverError`, within five seconds.
         """
         self.close()
-        try:
+        closes = self._closes
+        with _refusals(lambda err: faults.opening_error(self.config.path, err)):
             source = self._open(self.config.path)
-        except DriverError:
-            raise
-        except OSError as err:
-            raise faults.opening_error(self.config.path, err) from err
         self._source = source
         try:
-            self._set_up(source)
+            if self._closes == closes:
+                self._set_up(source)
         except BaseException:
             self.close()
             raise
-        if self._source is not source:
+        if self._closes != closes:
+            self.close()
             raise DeviceLostError(f"{self.config.path}: closed while it was being connected")
 
     def identify(self) -> Mapping[str, object]:
@@ -105,6 +111,7 @@ class V4l2Camera:
 
     def close(self) -> None:
         """Stop the stream and give the camera back."""
+        self._closes += 1
         source, self._source = self._source, None
         if source is not None:
             source.close()
@@ -119,9 +126,9 @@ class V4l2Camera:
             rate_hz = apply_mode(source, config, facts)
             apply_controls(source, config, facts)
             controls = controls_in_force(source)
-        self._exposure_ns = None
-        if config.exposure_s is not None:
-            self._exposure_ns = controls["exposure_absolute"] * EXPOSURE_UNIT_NS
+            self._exposure_ns = None
+            if config.exposure_s is not None:
+                self._exposure_ns = source.get_control(Control.EXPOSURE_ABSOLUTE) * EXPOSURE_UNIT_NS
         with _refusals(lambda err: faults.start_error(config, facts, err)):
             source.start(config.buffers)
             measured_hz = self._check_stream(source, facts)
@@ -168,18 +175,34 @@ class V4l2Camera:
         return None
 
     def _reading(self, grab: Grab) -> Reading[Frame]:
-        self._count_lost(grab)
-        if not self._ours and grab.stamp_ns < self._latest_stamp_ns:
-            self._epoch += 1
-        self._latest_stamp_ns = grab.stamp_ns
+        self._look_at_stamp(grab, self._missing_before(grab))
         when = stamped(grab, ours=self._ours, exposure_ns=self._exposure_ns, epoch=self._epoch)
-        if self._ours and not on_our_clock(grab):
-            self._count("odd_stamps")
         frame = self._frame(grab, when)
         self.counters.samples += 1
         if frame.fault is not None:
             self.counters.bad_frames += 1
         return Reading(ticks=() if when.tick is None else (when.tick,), samples=(frame,))
+
+    def _missing_before(self, grab: Grab) -> int:
+        """How many frames the camera took since the last one that never came; counted."""
+        missing = grab.sequence - self._sequence - 1
+        self._sequence = grab.sequence
+        if missing < 0:  # a driver that starts its count anew, or that does not count at all
+            self._count("sequence_steps_back")
+            return 0
+        self.counters.lost_samples += missing
+        return missing
+
+    def _look_at_stamp(self, grab: Grab, missing: int) -> None:
+        """Count stamps that cannot be and frames that were slow; see a clock that restarts."""
+        latest_ns, self._latest_stamp_ns = self._latest_stamp_ns, grab.stamp_ns
+        if self._ours and not on_our_clock(grab):
+            self._count("odd_stamps")
+            self._latest_stamp_ns = 0
+        elif latest_ns and grab.stamp_ns < latest_ns:
+            self._epoch += 0 if self._ours else 1
+        elif latest_ns and grab.stamp_ns - latest_ns > (missing + 1) * self._slow_ns:
+            self._count("slow_frames")
 
     def _frame(self, grab: Grab, when: Stamped) -> Frame:
         return Frame(
@@ -195,14 +218,6 @@ class V4l2Camera:
             exposure_ns=self._exposure_ns,
             fault=frame_fault(grab, self.config),
         )
-
-    def _count_lost(self, grab: Grab) -> None:
-        missing = grab.sequence - self._sequence - 1
-        if missing >= 0:
-            self.counters.lost_samples += missing
-        else:  # a driver that starts its count anew, or that does not count at all
-            self._count("sequence_steps_back")
-        self._sequence = grab.sequence
 
     def _count(self, name: str) -> None:
         self.counters.details[name] = self.counters.details.get(name, 0) + 1

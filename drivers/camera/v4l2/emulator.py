@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 from drivers.camera.clock import Clock, FreeClock
 from drivers.camera.v4l2.source import (
+    EXPOSURE_APERTURE_PRIORITY,
     EXPOSURE_MANUAL,
     Control,
     ControlRange,
@@ -58,11 +59,14 @@ class CameraEmulator:
     """The camera: `open` is what a driver is given to open it with.
 
     scene : the bytes of the frame whose exposure's middle is at that monotonic time.
-    Faults, each a field that may change at any time: open_errno, start_errno (a number of
-    `errno`); mode_in_force, rate_in_force_hz (what is read back), true_rate_hz (what really comes,
-    whatever is told); stuck (controls that keep a value); late_s (until the first frame);
-    lost (sequence numbers that never come); damaged (those with the driver's error flag); cut
-    (those whose last half is missing); frozen (nothing comes); unplugged.
+    exposure_modes : the values of `EXPOSURE_AUTO` that it knows; those of UVC cameras are the
+    default.
+    Faults, each a field that may change at any time: open_errno, mode_errno, start_errno (a number
+    of `errno`); mode_in_force, rate_in_force_hz (what is read back), true_rate_hz (what really
+    comes, whatever is told); stuck (controls that keep a value); unreadable (controls that fail
+    when read); late_s (until the first frame); lost (sequence numbers that never come); damaged
+    (those with the driver's error flag); cut (those whose last half is missing); frozen (nothing
+    comes); unplugged.
     Stamps: stamp_offset_ns is added to our clock for the camera's; claims and edge are what the
     flags say; stampless drivers leave the stamp at zero.
     """
@@ -72,12 +76,15 @@ class CameraEmulator:
     facts: DeviceFacts = FACTS
     modes: tuple[VideoMode, ...] = MODES
     ranges: dict[Control, ControlRange] = field(default_factory=lambda: dict(RANGES))
+    exposure_modes: tuple[int, ...] = (EXPOSURE_MANUAL, EXPOSURE_APERTURE_PRIORITY)
     open_errno: int | None = None
+    mode_errno: int | None = None
     start_errno: int | None = None
     mode_in_force: tuple[str, int, int] | None = None
     rate_in_force_hz: float | None = None
     true_rate_hz: float | None = None
     stuck: dict[Control, int] = field(default_factory=dict)
+    unreadable: set[Control] = field(default_factory=set)
     late_s: float = 0.0
     lost: set[int] = field(default_factory=set)
     damaged: set[int] = field(default_factory=set)
@@ -131,6 +138,8 @@ class EmulatedSource:
     def set_mode(self, fourcc: str, width_px: int, height_px: int) -> tuple[str, int, int]:
         """The asked mode if it is offered, else the first of that format, as drivers do."""
         self._check()
+        if self._camera.mode_errno is not None:
+            raise OSError(self._camera.mode_errno, "refused by the emulator")
         asked = (fourcc, width_px, height_px)
         offered = [(mode.fourcc, mode.width_px, mode.height_px) for mode in self._camera.modes]
         if self._camera.mode_in_force is not None:
@@ -149,15 +158,17 @@ class EmulatedSource:
         return self._camera.ranges.get(control)
 
     def set_control(self, control: Control, value: int) -> None:
-        """Keep a value; the automatic exposure of UVC cameras is aperture priority."""
+        """Keep a value."""
         self._check()
-        if control is Control.EXPOSURE_AUTO and value not in (1, 3):
+        if control is Control.EXPOSURE_AUTO and value not in self._camera.exposure_modes:
             raise OSError(errno.EINVAL, "Invalid argument")
         self._controls[control] = value
 
     def get_control(self, control: Control) -> int:
         """The value kept, or the one that is stuck."""
         self._check()
+        if control in self._camera.unreadable:
+            raise OSError(errno.EIO, "Input/output error")
         return self._camera.stuck.get(control, self._controls[control])
 
     def start(self, buffers: int) -> None:

@@ -6,7 +6,7 @@ import contextlib
 from dataclasses import dataclass
 
 from drivers.camera.v4l2.config import FRAME_FORMATS, V4l2Config
-from drivers.camera.v4l2.faults import mode_text
+from drivers.camera.v4l2.faults import bus_hint, mode_text
 from drivers.camera.v4l2.source import (
     EXPOSURE_APERTURE_PRIORITY,
     EXPOSURE_AUTOMATIC,
@@ -78,14 +78,14 @@ def apply_mode(source: VideoSource, config: V4l2Config, facts: DeviceFacts) -> f
         raise DeviceFaultError(
             f"{config.path}: asked {facts.card} for {config.width_px} x {config.height_px} "
             f"{config.fourcc}, got {width} x {height} {fourcc}; "
-            f"it offers {_sizes(modes, config.fourcc)}"
+            f"it offers {_sizes(modes, config.fourcc)}{bus_hint(config, facts)}"
         )
     rate = source.set_rate(config.rate_hz)
     # A camera tells 29.97 for 30 as a fraction, and that is what it is; 15 or 60 is not.
     if rate is not None and abs(rate - config.rate_hz) > 0.01 * config.rate_hz:
         raise DeviceFaultError(
             f"{config.path}: asked {facts.card} for {mode_text(config)}, got {rate:g} Hz; "
-            f"at this size it offers {_rates(modes, config)}"
+            f"at this size it offers {_rates(modes, config)}{bus_hint(config, facts)}"
         )
     return rate
 

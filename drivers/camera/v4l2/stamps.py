@@ -4,7 +4,9 @@ uvcvideo marks every stamp as monotonic and as start of exposure, whatever its p
 truth it is, with the module's defaults, the time at which the frame's first USB packet came (the
 middle of the exposure lies earlier by the camera's own latency, which only a comparison with the
 gyro shows), and with clock=CLOCK_REALTIME it is not monotonic at all: so a stamp must prove itself
-against the arrival. Source: kernel, drivers/media/usb/uvc; docs.kernel.org, V4L2 buffer flags.
+against the arrival. Behind a rolling shutter it is the middle of the first row's exposure; the last
+row's is later by the read-out time, which no camera tells. Source: kernel,
+drivers/media/usb/uvc; docs.kernel.org, V4L2 buffer flags.
 """
 
 from __future__ import annotations

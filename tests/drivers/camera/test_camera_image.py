@@ -3,7 +3,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from pictures import encoded, yuyv
+from camera_pictures import encoded, yuyv
 
 from drivers import ProtocolError
 from drivers.camera import Frame, FrameFormat, Stamp, grey_image, split_stereo

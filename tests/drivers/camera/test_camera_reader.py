@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
 
-from pictures import jpeg
+from camera_pictures import jpeg
 
 from drivers import Device, DeviceBack, DeviceLost, DeviceReader, Reading
 from drivers.camera import (
@@ -122,3 +124,12 @@ def test_an_hour_with_every_fault_now_and_then() -> None:
     assert counters.lost_samples == len([k for k in camera.lost if first < k < last])
     assert counters.bad_frames == len([k for k in camera.cut if first <= k <= last])
     assert counters.timeouts == 0
+
+
+def test_cameras_open_without_heavy_imports() -> None:
+    program = "import drivers.camera, sys; print(*sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    loaded = {name.partition(".")[0] for name in done.stdout.split()}
+    assert loaded & {"cv2", "linuxpy", "serial", "scipy"} == set()

@@ -5,7 +5,7 @@ import errno
 from pathlib import Path
 
 import pytest
-from pictures import jpeg
+from camera_pictures import jpeg
 
 from drivers.camera import CameraEmulator, list_cameras
 from drivers.camera.v4l2 import VideoSource

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pictures import encoded, jpeg
+from camera_pictures import encoded, jpeg
 
 from drivers import DeviceLostError
 from drivers.camera import (

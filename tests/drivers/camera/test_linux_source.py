@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import select
 import sys
 import threading
 import time
@@ -11,8 +12,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from camera_pictures import jpeg
 from linuxpy.video import raw
-from pictures import jpeg
 from v4l2_kernel import GRANTED, SOE_MONOTONIC, Kernel
 
 from drivers import DeviceLostError, DriverError, PortMissingError
@@ -64,6 +65,32 @@ def test_modes(source: LinuxSource) -> None:
         VideoMode("MJPG", 640, 480, (30.0,)),
         VideoMode("YUYV", 640, 480, (30.0,)),
     )
+
+
+def test_sizes_that_may_be_chosen_freely_are_one_mode(
+    source: LinuxSource, kernel: Kernel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stepwise(arg: raw.v4l2_frmsizeenum) -> None:
+        arg.type = raw.Frmsizetypes.STEPWISE
+        arg.stepwise.max_width, arg.stepwise.max_height = 1280, 720
+
+    monkeypatch.setattr(kernel, "_enum_framesizes", stepwise)
+    monkeypatch.setitem(kernel.fails, raw.IOC.ENUM_FRAMEINTERVALS, errno.ENOTTY)
+    assert source.modes() == (
+        VideoMode("MJPG", 1280, 720, (), free=True),
+        VideoMode("YUYV", 1280, 720, (), free=True),
+    )
+
+
+def test_a_control_that_is_switched_off_is_none(source: LinuxSource, kernel: Kernel) -> None:
+    kernel.flags[int(Control.GAIN)] = raw.ControlFlag.DISABLED
+    assert source.control_range(Control.GAIN) is None
+    kernel.fails[raw.IOC.QUERY_EXT_CTRL] = errno.EIO
+    with pytest.raises(OSError, match="refused"):
+        source.control_range(Control.GAIN)
+    kernel.fails[raw.IOC.S_PARM] = errno.EIO
+    with pytest.raises(OSError, match="refused"):
+        source.set_rate(30.0)
 
 
 def test_mode_and_rate_are_what_is_in_force(source: LinuxSource, kernel: Kernel) -> None:
@@ -129,6 +156,20 @@ def test_a_device_that_went_is_an_error(source: LinuxSource, kernel: Kernel) -> 
     source.start(2)
     kernel.fails[raw.IOC.DQBUF] = errno.ENODEV
     with pytest.raises(OSError, match="refused by the test"):
+        source.read(1.0)
+
+
+def test_a_device_that_hangs_up_without_a_word_is_an_error_and_no_endless_loop(
+    source: LinuxSource, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source.start(2)
+
+    class HungUp:
+        def poll(self, _: float) -> list[tuple[int, int]]:
+            return [(source._device.fileno(), select.POLLERR)]
+
+    monkeypatch.setattr(source, "_poll", HungUp())
+    with pytest.raises(OSError, match="the device hung up"):
         source.read(1.0)
 
 

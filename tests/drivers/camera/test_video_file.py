@@ -112,6 +112,41 @@ def test_a_film_that_ends_early_says_how_much_is_missing(tmp_path: Path) -> None
     assert device.skipped[-1].startswith(f"{file}: ends after ")
 
 
+class Stampless:
+    """A capture whose container tells no time, as some do; rate 0: not even how fast it was."""
+
+    rate_hz = 0.0
+
+    def __init__(self, *how: object) -> None:
+        self._video = CAPTURE(*how)
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._video, name)
+
+    def get(self, key: int) -> float:
+        told = {cv2.CAP_PROP_POS_MSEC: 0.0, cv2.CAP_PROP_FPS: self.rate_hz}
+        return told.get(key, self._video.get(key))
+
+
+CAPTURE = cv2.VideoCapture
+
+
+def test_stamps_that_stand_still_give_way_to_the_rate_or_are_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    device = VideoFile(VideoFileConfig(film(tmp_path / "film.mkv")), FreeClock())
+    monkeypatch.setattr(cv2, "VideoCapture", Stampless)
+    device.connect()
+    assert device.read(1.0) is not None
+    with pytest.raises(CameraFileError, match=r"frame 1 has no stamp .* stamps\.csv"):
+        device.read(1.0)
+    monkeypatch.setattr(Stampless, "rate_hz", 25.0)
+    device.connect()
+    frames = played(device)
+    assert [frame.t_ns - frames[0].t_ns for frame in frames] == [k * 40_000_000 for k in range(10)]
+    assert {frame.stamp for frame in frames[1:]} == {Stamp.FRAME_RATE}
+
+
 def test_pace(tmp_path: Path) -> None:
     clock = FreeClock()
     device = VideoFile(VideoFileConfig(film(tmp_path / "film.avi")), clock)

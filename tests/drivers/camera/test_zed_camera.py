@@ -5,7 +5,7 @@ import errno
 
 import numpy as np
 import pytest
-from pictures import yuyv
+from camera_pictures import yuyv
 
 from drivers import DeviceFaultError, ProtocolError
 from drivers.camera import CameraEmulator, Frame, ZedCamera, ZedConfig, grey_image, split_stereo

@@ -41,6 +41,7 @@ class Kernel:
             int(raw.ControlID.EXPOSURE_ABSOLUTE): [156, 3, 2047, 1],
             int(raw.ControlID.GAIN): [0, 0, 255, 1],
         }
+        self.flags: dict[int, int] = {}
         self.format = ("MJPG", 640, 480)
         self.interval = (1, 15)
         self.queued: deque[int] = deque()
@@ -105,6 +106,7 @@ class Kernel:
         if arg.id not in self.controls:
             raise OSError(errno.EINVAL, "Invalid argument")
         _, arg.minimum, arg.maximum, arg.step = self.controls[arg.id]
+        arg.flags = self.flags.get(arg.id, 0)
 
     def _s_ctrl(self, arg: Any) -> None:
         self.controls[arg.id][0] = arg.value
