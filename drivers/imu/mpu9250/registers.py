@@ -1,0 +1,90 @@
+"""Registers, bits and constants of the MPU-9250 and of the AK8963 inside it.
+
+Register map RM-MPU-9250A-00 r1.4, product specification PS-MPU-9250A-01 r1.0; AK8963 data sheet.
+"""
+
+from __future__ import annotations
+
+ADDRESSES = (0x68, 0x69)
+"""By the level of pin AD0."""
+
+SELF_TEST_GYRO = 0x00
+SELF_TEST_ACCEL = 0x0D
+SMPLRT_DIV = 0x19
+CONFIG = 0x1A
+GYRO_CONFIG = 0x1B
+ACCEL_CONFIG = 0x1C
+ACCEL_CONFIG2 = 0x1D
+FIFO_EN = 0x23
+INT_PIN_CFG = 0x37
+INT_ENABLE = 0x38
+INT_STATUS = 0x3A
+ACCEL_OUT = 0x3B
+USER_CTRL = 0x6A
+PWR_MGMT_1 = 0x6B
+PWR_MGMT_2 = 0x6C
+FIFO_COUNT = 0x72
+FIFO_R_W = 0x74
+WHO_AM_I = 0x75
+
+RESET = 0x80  # PWR_MGMT_1
+SLEEP = 0x40  # PWR_MGMT_1, set after a reset
+CLOCK_PLL = 0x01  # PWR_MGMT_1
+FIFO_STOPS_WHEN_FULL = 0x40  # CONFIG
+SELF_TEST_ON = 0xE0  # GYRO_CONFIG, ACCEL_CONFIG: all three axes
+FIFO_ALL = 0xF8  # FIFO_EN: temperature, gyro x, y, z, accelerometer
+LATCHED_AND_BYPASS = 0x22  # INT_PIN_CFG
+OVERFLOW = 0x10  # INT_ENABLE, INT_STATUS
+DATA_READY = 0x01  # INT_STATUS
+FIFO_ENABLE, FIFO_RESET = 0x40, 0x04  # USER_CTRL
+
+MODELS = {0x71: "MPU-9250", 0x73: "MPU-9255", 0x70: "MPU-6500"}
+"""Who WHO_AM_I says it is. 0x70 is often sold as MPU-9250: it has no magnetometer."""
+MPU_6050 = 0x68
+WITH_MAGNETOMETER = (0x71, 0x73)
+
+GYRO_RANGES_DEG_S = (250, 500, 1000, 2000)
+GYRO_COUNTS_PER_DEG_S = (131.0, 65.5, 32.8, 16.4)
+ACCEL_RANGES_G = (2, 4, 8, 16)
+ACCEL_COUNTS_PER_G = (16384, 8192, 4096, 2048)
+TEMPERATURE_COUNTS_PER_C, TEMPERATURE_OFFSET_C = 333.87, 21.0
+
+BASE_RATE_HZ = 1000
+GYRO_DELAY_NS = {
+    1: 2_900_000,
+    2: 3_900_000,
+    3: 5_900_000,
+    4: 9_900_000,
+    5: 17_850_000,
+    6: 33_480_000,
+}
+"""By DLPF_CFG; these are the settings at which SMPLRT_DIV divides 1 kHz."""
+ACCEL_DELAY_NS = {
+    1: 5_800_000,
+    2: 7_800_000,
+    3: 11_800_000,
+    4: 19_800_000,
+    5: 35_700_000,
+    6: 66_960_000,
+}
+"""By A_DLPF_CFG."""
+ACCEL_UNFILTERED_DELAY_NS = 750_000
+
+FIFO_BYTES = 512
+FRAME_BYTES = 14
+"""Accelerometer, temperature, gyro: big endian int16, in the order of the registers."""
+FULL_FRAMES_BYTES = FIFO_BYTES // FRAME_BYTES * FRAME_BYTES
+
+AK_ADDRESS = 0x0C
+AK_WHO_AM_I = 0x00
+AK_STATUS_1 = 0x02
+AK_CONTROL_1 = 0x0A
+AK_SENSITIVITY = 0x10
+AK_IDENTITY = 0x48
+AK_READ_BYTES = 8
+"""From ST1 to ST2: reading ST2 is what releases the data registers."""
+AK_DATA_READY = 0x01  # ST1
+AK_OVERFLOW = 0x08  # ST2
+AK_16_BIT = 0x10  # ST2 echoes what CONTROL_1 sets
+AK_POWER_DOWN, AK_FUSE_ROM, AK_16_BIT_100_HZ = 0x00, 0x0F, 0x16
+AK_TESLA_PER_COUNT_16_BIT, AK_TESLA_PER_COUNT_14_BIT = 0.15e-6, 0.6e-6
