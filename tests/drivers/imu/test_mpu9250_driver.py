@@ -410,3 +410,23 @@ def test_the_self_test_of_a_weak_sensor_says_what_is_wrong() -> None:
     assert not result.passed
     assert "gyro x reads 28.6 deg/s at rest" in result.faults
     assert sum("answers with" in fault for fault in result.faults) == 6
+
+
+def test_a_wire_that_breaks_in_the_self_test() -> None:
+    bus = FakeMpu9250Bus()
+    imu = device(bus)
+    imu.connect()
+    bus.unplugged = True
+    with pytest.raises(DeviceLostError, match="failed in its self test"):
+        imu.self_test()
+
+
+def test_something_else_at_the_magnetometers_address() -> None:
+    class Other(FakeMpu9250Bus):
+        def read_block(self, address: int, register: int, count: int) -> bytes:
+            data = super().read_block(address, register, count)
+            return b"\x10" if (address, register) == (reg.AK_ADDRESS, reg.AK_WHO_AM_I) else data
+
+    imu = device(Other())
+    imu.connect()
+    assert imu.identify()["magnetometer"] == "none: 0x0c says 0x10, an AK8963 would say 0x48"
