@@ -69,13 +69,13 @@ class AhrsModel:
     def _obey(self, command: bytes, now_ns: int) -> None:
         if command[1:2] == b"s":
             self._line.send(b"#SYNCH" + command[2:] + b"\r\n", now_ns)
-        elif command in (b"#o0", b"#o1"):
-            self.streams = command == b"#o1"
-        elif command == b"#ot":
+        elif command[2:] in (b"0", b"1"):
+            self.streams = command[2:] == b"1"
+        elif command[2:] == b"t":
             self.mode = "angles"
-        elif command == b"#ox" and self.extended:
+        elif command[2:] == b"x" and self.extended:
             self.mode = "both"
-        elif command == b"#osct":
+        elif command[2:] == b"sct":
             self.mode = "sensors"
 
     def _text(self, at_ns: int) -> bytes:

@@ -142,5 +142,5 @@ def _not_recognised(talk: Talk, heard: bytes) -> Exception:
     return ProtocolError(
         f"{name}: what comes at {speeds} is no Razor's ({heard[:24]!r} ...); is this its port "
         "(trackside devices)? The SparkFun default and the Razor AHRS firmware are understood, the "
-        "latter in text mode (#ot)"
+        "latter in text mode"
     )

@@ -153,7 +153,7 @@ def test_a_wrong_first_guess_is_found_out_by_the_next_key() -> None:
 
 def test_a_board_whose_keys_do_something_else_is_given_up_at_the_first() -> None:
     class Odd(RazorModel):
-        def _press(self, key: str, now_ns: int) -> None:
+        def _press(self, key: str, now_ns: int) -> None:  # noqa: ARG002  its signature
             super()._press("e", now_ns)
 
     model = Odd()
