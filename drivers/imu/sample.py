@@ -56,6 +56,21 @@ Source: TypeAlias = Callable[[int], Motion]
 """What moves an emulated IMU: its motion at a time of the caller's clock in nanoseconds."""
 
 
+def quaternion_wxyz(
+    yaw_rad: float, pitch_rad: float, roll_rad: float
+) -> tuple[float, float, float, float]:
+    """The unit quaternion of a turn about z, then the new y, then the new x."""
+    cy, sy = math.cos(0.5 * yaw_rad), math.sin(0.5 * yaw_rad)
+    cp, sp = math.cos(0.5 * pitch_rad), math.sin(0.5 * pitch_rad)
+    cr, sr = math.cos(0.5 * roll_rad), math.sin(0.5 * roll_rad)
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
+
+
 def at_rest(t_ns: int) -> Motion:
     """A level IMU that lies still, with a faint tremble so that no two lines are alike."""
     tremble = 1e-3 * math.sin(1e-9 * t_ns * 91.0)

@@ -89,7 +89,6 @@ class FakeMpu9250Bus:
         self._spend(3)
         self._check(address)
         self._advance()
-        self.transfers += 1
         if address == reg.AK_ADDRESS:
             self._ak[register] = value
             return
@@ -111,7 +110,6 @@ class FakeMpu9250Bus:
         self.closed = True
 
     def _answer(self, address: int, register: int, count: int) -> bytes:
-        self.transfers += 1
         if address == reg.AK_ADDRESS:
             return self._read_magnetometer(register, count)
         if register == reg.FIFO_R_W:
@@ -130,6 +128,7 @@ class FakeMpu9250Bus:
         self._now_ns += wire_bytes * 9 * BIT_NS
 
     def _check(self, address: int) -> None:
+        self.transfers += 1
         if self.closed:
             raise OSError(errno.EBADF, "the bus is closed")
         bypass = self._registers[reg.INT_PIN_CFG] & 0x02

@@ -11,7 +11,6 @@ from dialogue import UsageError
 from drivers import (
     DeviceFaultError,
     DeviceLostError,
-    DriverError,
     NoAnswerError,
     Reading,
     Tick,
@@ -19,6 +18,27 @@ from drivers import (
 from drivers.imu import ImuSample, Motion
 from drivers.imu.mpu9250 import FakeMpu9250Bus, Mpu9250, Mpu9250Config, Mpu9250Decoder
 from drivers.imu.mpu9250 import registers as reg
+
+
+class HookedBus(FakeMpu9250Bus):
+    """Lets something happen at the k-th transfer from now on."""
+
+    def __init__(self) -> None:
+        self._left = 0
+        self._action: Callable[[], None] = self.unplug
+        super().__init__()
+
+    def at_transfer(self, k: int, action: Callable[[], None]) -> None:
+        self._left, self._action = k, action
+
+    def unplug(self) -> None:
+        self.unplugged = True
+
+    def _check(self, address: int) -> None:
+        self._left -= 1
+        if self._left == 0:
+            self._action()
+        super()._check(address)
 
 
 def device(bus: FakeMpu9250Bus, config: Mpu9250Config | None = None) -> Mpu9250:
@@ -319,35 +339,26 @@ def test_settings_are_read_back() -> None:
 
 
 def test_a_connect_that_fails_half_way_can_be_tried_again() -> None:
+    """Every single transfer of the conversation fails once; the second try always works."""
+
+    def fail() -> None:
+        raise OSError(121, "Remote I/O error")
+
     bus = FakeMpu9250Bus()
-    imu = device(bus)
-    start_transfers = bus.transfers
-    imu.connect()
-    whole = bus.transfers - start_transfers
-    imu.close()
-    # Every single transfer of the conversation fails once; the second try always works.
-    for k in range(2, whole):
-        trial = FakeMpu9250Bus()
+    device(bus).connect()
+    failed = 0
+    for at in range(1, bus.transfers + 1):
+        trial = HookedBus()
         imu = device(trial)
-        plain = trial._check
-        count = 0
-
-        def fail_at(address: int, k: int = k, plain: object = plain) -> None:
-            nonlocal count
-            count += 1
-            if count == k:
-                raise OSError(121, "Remote I/O error")
-            assert callable(plain)
-            plain(address)
-
-        trial._check = fail_at  # type: ignore[method-assign]  # one transfer fails
+        trial.at_transfer(at, fail)
         try:
             imu.connect()
-        except DriverError:
+        except NoAnswerError:
+            failed += 1
             assert trial.closed
             imu.connect()
         assert samples_of(collect(imu, trial, 0.05))
-        imu.close()
+    assert failed == bus.transfers - 5  # the questions who is there are asked again by themselves
 
 
 def test_close_lets_the_chip_sleep_and_may_be_called_twice() -> None:
@@ -410,3 +421,35 @@ def test_the_self_test_of_a_weak_sensor_says_what_is_wrong() -> None:
     assert not result.passed
     assert "gyro x reads 28.6 deg/s at rest" in result.faults
     assert sum("answers with" in fault for fault in result.faults) == 6
+
+
+def test_a_wire_that_breaks_in_the_self_test() -> None:
+    bus = FakeMpu9250Bus()
+    imu = device(bus)
+    imu.connect()
+    bus.unplugged = True
+    with pytest.raises(DeviceLostError, match="failed in its self test"):
+        imu.self_test()
+
+
+def test_something_else_at_the_magnetometers_address() -> None:
+    class Other(FakeMpu9250Bus):
+        def read_block(self, address: int, register: int, count: int) -> bytes:
+            data = super().read_block(address, register, count)
+            return b"\x10" if (address, register) == (reg.AK_ADDRESS, reg.AK_WHO_AM_I) else data
+
+    imu = device(Other())
+    imu.connect()
+    assert imu.identify()["magnetometer"] == "none: 0x0c says 0x10, an AK8963 would say 0x48"
+
+
+@pytest.mark.parametrize("at", range(1, 6))
+def test_closing_in_the_middle_of_a_read_ends_it(at: int) -> None:
+    """As another thread does it, at one transfer of the read or another."""
+    bus = HookedBus()
+    imu = device(bus)
+    imu.connect()
+    bus.at_transfer(at, imu.close)
+    with pytest.raises(DeviceLostError):
+        collect(imu, bus, 0.5)
+    assert bus.closed
