@@ -49,7 +49,7 @@ def encode_command(firmware: Firmware, kind: Kind, value: float = 0.0) -> Comman
         return Command(kind, value, encode_frame(bytes((number,))))
     if not math.isfinite(value):
         raise ValueError(f"{kind} {value} is no number")
-    # The nearest step: truncated as in the firmware, 0.57 would become 0.569.
+    # The nearest step: truncated as in the firmware, a duty of 0.00007 would become 0.00006.
     scaled, size = round(value * _SCALES[kind]), 2 if kind == "servo" else 4
     try:
         data = scaled.to_bytes(size, "big", signed=True)

@@ -20,7 +20,8 @@ from drivers.vesc.handshake import answer, hear_version
 from drivers.vesc.requests import ASK_VALUES, ReadId, ReadRequest
 from drivers.vesc.values import VescValues, decode_values
 
-PRINT = 21
+PRINTS = (20, 21)
+"""COMM_PRINT, before and after the ids moved."""
 GIVE_UP = 2.0
 """After so many time-outs a question counts as lost and the next may be asked; a late answer that
 comes before is still told from the next one's and gets its right time."""
@@ -107,18 +108,19 @@ class Vesc:
         """
         self.close()
         channel = self._open_channel(self._open_port(self.config.port, self.config.baud))
+        self._channel = channel  # from now on `close` of another thread ends the attempt
         try:
             firmware = hear_version(channel, self.name)
             self.config.request.check(firmware)
             payload = answer(channel, self.config.request, self.name)
             decode_values(payload, firmware)
         except BaseException:
+            self._channel = None
             channel.close()
             raise
         self._firmware, self._reply_bytes = firmware, len(payload)
         self._asked_ns = self._given_up_ns = None
         self._unanswered, self._due_ns = 0, channel.now_ns()
-        self._channel = channel
 
     def identify(self) -> Mapping[str, object]:
         """Firmware, hardware, processor and how it is read."""
@@ -157,7 +159,7 @@ class Vesc:
         For the thread that reads. Raises `NoAnswerError`, `DeviceFaultError`, `DeviceLostError`.
         """
         request.check(self.firmware)
-        self._asked_ns = None
+        self._forget_question()
         return answer(self._open(), request, self.name)
 
     def close(self) -> None:
@@ -193,12 +195,16 @@ class Vesc:
             self._count("skipped_polls", behind)
             self._due_ns += (behind + 1) * self._period_ns
 
-    def _give_up(self, channel: ReadChannel) -> None:
+    def _forget_question(self) -> None:
         if self._given_up_ns is None:
             self._given_up_ns = self._asked_ns
         self._asked_ns = None
+
+    def _give_up(self, channel: ReadChannel) -> None:
+        self._forget_question()
         self._unanswered += 1
         channel.receiver.expire()
+        self._add_receiver_counts(channel)
         if self._unanswered >= self.config.lost_after:
             raise DeviceLostError(
                 f"{self.name}: {self._unanswered} questions in a row stayed unanswered; check its "
@@ -224,7 +230,7 @@ class Vesc:
     def _values(self, frame: Frame, arrival_ns: int) -> VescValues | None:
         """The state in a frame, if the frame answers what was asked."""
         number = frame.payload[0]
-        if number == PRINT:
+        if number in PRINTS:
             self._count("prints", 1)
             return None
         if self._asked_ns is None or number != self.config.request.id:

@@ -31,7 +31,7 @@ FIRMWARES = ("2.18", "3.40", "5.02", "5.03", "6.02")
 UUID = "0102030405060708090a0b0c"
 REBOOT_NS = 1_000_000_000
 PIECE_GAP_NS = 500_000
-PRINT = b"\x15"
+PRINT = b"noise\n"
 
 _SAME: dict[int, tuple[Kind, float]] = {
     5: ("duty", 1e5),
@@ -232,7 +232,8 @@ class VescModel:
         frame = bytearray(encode_frame(payload))
         if faults.flip_every and self._replies % faults.flip_every == 0:
             frame[self._random.randrange(len(frame))] ^= 1 << self._random.randrange(8)
-        text = encode_frame(PRINT + b"noise\n") if faults.prints else b""
+        print_id = 20 if self.firmware.is_old else 21
+        text = encode_frame(bytes((print_id,)) + PRINT) if faults.prints else b""
         data = faults.noise + text + bytes(frame) + text
         size = faults.piece_bytes or len(data)
         for count, start in enumerate(range(0, len(data), size)):

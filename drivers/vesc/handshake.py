@@ -58,7 +58,6 @@ def answer(channel: ReadChannel, request: ReadRequest, name: str) -> bytes:
 
 def _one_answer(channel: ReadChannel, request: ReadRequest, heard: Heard) -> bytes | None:
     end_ns = channel.ask(request) + round(TRY_S * 1e9)
-    frames = []
     while (left_ns := end_ns - channel.now_ns()) > 0:
         received = channel.read(left_ns * 1e-9)
         if received is None:

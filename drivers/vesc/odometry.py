@@ -124,7 +124,7 @@ def advance_odometry(
     step_m = 0.0 if restarted else counts * calibration.metres_per_count
     speed_m_s = calibration.speed_m_s(values.erpm)
     if yaw_rate_rad_s is not None:
-        turn_rad = yaw_rate_rad_s * (values.t_ns - before.t_ns) * 1e-9
+        turn_rad = yaw_rate_rad_s * ((values.t_ns - before.t_ns) * 1e-9)
     else:
         curvature = math.nan if servo is None else calibration.curvature_per_m(servo)
         # What stands does not turn, whatever its wheels point at.

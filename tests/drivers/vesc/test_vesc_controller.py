@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import contextlib
 import math
 import os
 import signal
@@ -294,6 +295,15 @@ def test_sigterm_leaves_the_block_and_stops_the_car(track: Track) -> None:
     assert signal.getsignal(signal.SIGTERM) == before
 
 
+def test_a_second_sigterm_does_not_interrupt_the_stop(track: Track) -> None:
+    with track.controller.arm(LIMITS) as drive:
+        for expected in (pytest.raises(SystemExit), contextlib.nullcontext()):
+            with expected:
+                os.kill(os.getpid(), signal.SIGTERM)
+        drive.rpm(100)
+    assert bytes(track.port.written).endswith(STOP * 3)
+
+
 def test_sigterm_of_a_program_that_handles_it_is_left_alone(track: Track) -> None:
     got: list[int] = []
     before = signal.signal(signal.SIGTERM, lambda number, _frame: got.append(number))
@@ -361,11 +371,11 @@ def test_a_pulled_cable_is_told_and_the_stop_is_noted_as_not_delivered(track: Tr
         with pytest.raises(DeviceLostError, match="plug it in again"):
             drive.rpm(3000)
         assert "could not be sent" in str(drive.why_stopped)
-    (stop,) = [command for command in drive.taken() if command.kind == "stop"]
-    assert "the stop was not delivered" in stop.reason
     with pytest.raises(DeviceLostError):
         track.controller.read(0.1)
-    track.controller.close()
+    track.connected()  # the record of it comes with the first reading there is
+    assert track.commands[-1].kind == "stop"
+    assert "the stop was not delivered" in track.commands[-1].reason
 
 
 def test_an_error_while_reading_stops_the_car(track: Track) -> None:

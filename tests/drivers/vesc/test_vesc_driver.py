@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import inspect
 import math
+import threading
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -269,6 +270,14 @@ def test_what_modem_manager_wrote_is_drained() -> None:
     assert vesc.counters.bad_bytes >= 50
 
 
+def test_noise_that_promises_a_long_frame_does_not_hide_the_vesc() -> None:
+    model = emulated_vesc("5.02")
+    model.faults.noise = b"\x03\x04\x00"
+    vesc, port = made(model)
+    vesc.connect()
+    assert port.now_ns() < S
+
+
 def test_a_vesc_that_starts_late_is_waited_for() -> None:
     model = emulated_vesc("5.02")
     model.reboot(0)
@@ -302,8 +311,9 @@ def model_of(port: ModelPort) -> VescModel:
     return port.model
 
 
-def test_text_between_the_replies() -> None:
-    vesc, port = connected()
+@pytest.mark.parametrize("firmware", ["2.18", "5.02"])
+def test_text_between_the_replies(firmware: str) -> None:
+    vesc, port = connected(firmware)
     model_of(port).faults.prints = True
     assert len(samples(readings(vesc, port, 1.0))) == 50
     assert vesc.counters.details["prints"] == 100
@@ -405,6 +415,39 @@ def test_a_pulled_cable_is_a_lost_device() -> None:
     assert len(samples(readings(vesc, port, 1.0))) == 50
 
 
+def test_what_the_receiver_threw_away_is_counted_even_when_nothing_follows() -> None:
+    vesc, port = connected()
+    port.model = Stranger(b"\x03\x04\x00", 10 * S)
+    with pytest.raises(DeviceLostError):
+        readings(vesc, port, 10.0)
+    assert vesc.counters.bad_bytes == 3
+    assert vesc.counters.bad_frames == 1
+
+
+def test_a_reply_of_the_wrong_length_is_counted_and_not_believed() -> None:
+    vesc, port = connected()
+    port.model = Stranger(encode_frame(b"\4" + bytes(59)))
+    with pytest.raises(DeviceLostError):
+        readings(vesc, port, 10.0)
+    assert vesc.counters.details["undecodable_frames"] > 10
+    assert vesc.counters.samples == 0
+
+
+def test_closing_from_elsewhere_ends_an_attempt_to_connect() -> None:
+    class Closing(Stranger):
+        def transmit(self, now_ns: int) -> bytes:
+            if now_ns > S:
+                vesc.close()
+            return super().transmit(now_ns)
+
+    vesc, port = made(Closing())
+    with pytest.raises(DeviceLostError):
+        vesc.connect()
+    assert port.closed
+    with pytest.raises(DeviceLostError, match="connect it first"):
+        vesc.read(0.1)
+
+
 def test_what_was_not_asked_is_counted() -> None:
     vesc, port = connected()
     port.write(ASK_SETUP.frame)
@@ -472,6 +515,26 @@ def test_every_byte_that_a_logger_writes_is_a_question() -> None:
         vesc.connect()
     frames = FrameReceiver().feed(bytes(port.written))
     assert {frame.payload for frame in frames} == {b"\0"}
+
+
+def test_of_two_threads_that_write_one_waits() -> None:
+    """Else a question could fall in the middle of a command."""
+    writes: list[str] = []
+
+    class Slow(ModelPort):
+        def write(self, data: bytes) -> None:
+            writes.append("begin")
+            if len(writes) == 1:
+                other.start()
+                other.join(0.1)
+            super().write(data)
+            writes.append("end")
+
+    shared = ReadChannel(Slow(Stranger()))
+    other = threading.Thread(target=shared.ask, args=(ASK_SETUP,))
+    shared.ask(ASK_SETUP)
+    other.join(10)
+    assert writes == ["begin", "end"] * 2
 
 
 def test_a_logger_has_no_way_to_say_anything_else() -> None:

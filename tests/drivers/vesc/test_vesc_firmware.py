@@ -87,8 +87,9 @@ def test_the_command_frames(firmware: Firmware, kind: Kind, value: float, frame:
 
 
 def test_a_value_is_sent_as_its_nearest_step() -> None:
-    """0.57 * 1000 is 569.99... in binary: truncation would steer by a step too little."""
-    assert encode_command(NEW, "servo", 0.57).frame[3:5] == (570).to_bytes(2, "big")
+    """0.00007 * 100000 is 6.99... in binary: truncation would lose a step."""
+    assert encode_command(NEW, "duty", 0.00007).frame[3:7] == (7).to_bytes(4, "big")
+    assert encode_command(NEW, "servo", 0.5306).frame[3:5] == (531).to_bytes(2, "big")
 
 
 @pytest.mark.parametrize("version", [(1, 13), (2, 7), (3, 1), (3, 6), (7, 0), (255, 255)])
@@ -166,6 +167,9 @@ def test_a_question_that_the_firmware_does_not_know() -> None:
     with pytest.raises(DeviceFaultError, match=r"firmware 3.40 does not answer VALUES_SELECTIVE"):
         ReadRequest(ReadId.VALUES_SELECTIVE, 1).check(Firmware(3, 40))
     ReadRequest(ReadId.VALUES_SELECTIVE, 1).check(Firmware(3, 48))
+    with pytest.raises(DeviceFaultError, match=r"from 3\.52"):
+        ReadRequest(ReadId.IMU, 1).check(Firmware(3, 51))
+    ReadRequest(ReadId.IMU, 1).check(Firmware(3, 52))
     ASK_VALUES.check(OLD)
 
 

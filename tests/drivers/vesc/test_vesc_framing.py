@@ -23,6 +23,8 @@ def found(receiver: FrameReceiver, data: bytes) -> list[bytes]:
         (bytes.fromhex("21 E1 24 20"), "02 04 21 E1 24 20 38 BB 03"),
         # the `vesc` crate of Rust: well framed, of an unknown id
         (bytes.fromhex("DE 04 00"), "02 03 DE 04 00 B2 51 03"),
+        # reference B.4, computed: GET_VALUES for the VESC with id 1 on the CAN bus
+        (bytes.fromhex("22 01 04"), "02 03 22 01 04 9B 13 03"),
         # the check value of CRC-16/XMODEM
         (b"123456789", "02 09 31 32 33 34 35 36 37 38 39 31 C3 03"),
     ],

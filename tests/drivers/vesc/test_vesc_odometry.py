@@ -124,6 +124,8 @@ def test_headings_stay_in_the_half_open_turn() -> None:
     for t in range(1, 100):
         odometry = advance_odometry(odometry, state(t), F1, yaw_rate_rad_s=-math.pi / 2)
         assert -math.pi < odometry.heading_rad <= math.pi
+    half = advance_odometry(begin_odometry(state(), F1), state(1), F1, yaw_rate_rad_s=-math.pi)
+    assert half.heading_rad == math.pi
     assert odometry.heading_rad == pytest.approx(math.pi / 2)  # 99 quarter turns clockwise
 
 

@@ -23,7 +23,14 @@ from drivers.vesc import (
 )
 
 LIMITS = DriveLimits(
-    erpm_min=-5000, erpm_max=10_000, duty=0.2, current_a=20, brake_a=15, erpm_per_s=1e9
+    erpm_min=-5000,
+    erpm_max=10_000,
+    duty=0.2,
+    current_a=20,
+    brake_a=15,
+    erpm_per_s=1e9,
+    heartbeat_s=1.0,
+    telemetry_s=1.0,
 )
 PROGRAM = """
 import sys, threading
@@ -35,7 +42,8 @@ controller = VescController(VescConfig(port=sys.argv[1]))
 controller.connect()
 DeviceReader(controller, lambda reading: states.release()).start()
 limits = DriveLimits(
-    erpm_min=-5000, erpm_max=10_000, duty=0.2, current_a=20, brake_a=15, erpm_per_s=1e9
+    erpm_min=-5000, erpm_max=10_000, duty=0.2, current_a=20, brake_a=15, erpm_per_s=1e9,
+    heartbeat_s=1.0, telemetry_s=1.0,
 )
 driven = threading.Event()
 
@@ -95,6 +103,14 @@ def test_a_reader_s_thread_and_a_driving_program_share_the_port() -> None:
     ]
     assert [(each.kind, each.value) for each in model.obeyed[-3:]] == [("current", 0.0)] * 3
     assert [command.kind for command in commands(seen)] == ["rpm"] * 60 + ["stop"]
+
+
+def test_importing_opens_no_library_of_ports() -> None:
+    program = "import drivers.vesc, sys; print(*sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert not {"serial", "numpy", "scipy", "rosbags"} & set(done.stdout.split())
 
 
 def commands(

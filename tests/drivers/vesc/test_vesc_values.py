@@ -88,6 +88,14 @@ def test_the_frame_of_a_car_that_goes_forward() -> None:
     assert (values.timed_out, values.kill_switch) == (False, False)
 
 
+@pytest.mark.parametrize(
+    ("status", "timed_out", "kill_switch"), [(1, True, False), (2, False, True), (3, True, True)]
+)
+def test_the_bits_of_the_status(status: int, timed_out: bool, kill_switch: bool) -> None:
+    values = decode_values(payload_of(FORWARD)[:-1] + bytes((status,)), NEW)
+    assert (values.timed_out, values.kill_switch) == (timed_out, kill_switch)
+
+
 def test_the_frame_of_a_car_that_goes_backward() -> None:
     values = decode_values(payload_of(REVERSE), NEW)
     assert values.fet_celsius == 26.9
