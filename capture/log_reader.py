@@ -14,7 +14,7 @@ from functools import cached_property
 from io import BytesIO
 from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -58,6 +58,15 @@ class RawMessages:
     topic: str
     log_t_ns: Stamps
     messages: list[bytes]
+
+
+class LoggedMessage(NamedTuple):
+    """One message as a log holds it: when it arrived, when it was measured (publish time), CDR."""
+
+    topic: str
+    log_t_ns: int
+    stamp_ns: int
+    data: bytes
 
 
 class McapLog:
@@ -125,16 +134,22 @@ class McapLog:
         """All messages of a topic; none if the log does not know it."""
         found = [
             (log_t_ns, content[start:stop])
-            for _, log_t_ns, content, start, stop in _Scan(self.file).messages({topic})
+            for _, log_t_ns, _, content, start, stop in _Scan(self.file).messages({topic})
         ]
         found.sort(key=itemgetter(0))
         log_t_ns = np.array([t_ns for t_ns, _ in found], dtype=np.int64)
         return RawMessages(topic, log_t_ns, [data for _, data in found])
 
+    def messages(self) -> Iterator[LoggedMessage]:
+        """Every message of every topic in the order of the file, one at a time."""
+        scan = _Scan(self.file)
+        for topic, log_t_ns, stamp_ns, content, start, stop in scan.messages(None):
+            yield LoggedMessage(topic, log_t_ns, stamp_ns, content[start:stop])
 
-# Topic, log time, and a message where it lies: `content[start:stop]` is its CDR. A plain tuple,
-# as sixty thousand of anything dearer would cost more than their decompression.
-_Found = tuple[str, int, bytes, int, int]
+
+# Topic, log time, stamp, and a message where it lies: `content[start:stop]` is its CDR. A plain
+# tuple, as sixty thousand of anything dearer would cost more than their decompression.
+_Found = tuple[str, int, int, bytes, int, int]
 
 
 class _Scan:
@@ -171,7 +186,8 @@ class _Scan:
                 topic = self._wanted(topics).get(record.channel_id)
                 if topic is not None:
                     log_t_ns = min(record.log_time, _MAX_NS)
-                    yield topic, log_t_ns, record.data, 0, len(record.data)
+                    stamp_ns = min(record.publish_time, _MAX_NS)
+                    yield topic, log_t_ns, stamp_ns, record.data, 0, len(record.data)
         # The chunk that was being written when the power went is cut off, not damaged.
         self.damaged_chunks -= last_was_damaged
 
@@ -199,10 +215,10 @@ class _Scan:
             op, length = _RECORD.unpack_from(content, at)
             at += _RECORD.size
             if op == _MESSAGE_OP:
-                channel, _, log_t_ns, _ = _MESSAGE.unpack_from(content, at)
+                channel, _, log_t_ns, stamp_ns = _MESSAGE.unpack_from(content, at)
                 if channel in wanted:
                     start, stop = at + _MESSAGE.size, at + length
-                    yield wanted[channel], log_t_ns, content, start, stop
+                    yield wanted[channel], log_t_ns, stamp_ns, content, start, stop
             elif op in (_SCHEMA_OP, _CHANNEL_OP):
                 body = ReadDataStream(BytesIO(content[at : at + length]))
                 if op == _SCHEMA_OP:

@@ -38,7 +38,8 @@ class WrittenTopic:
 class LogWriter:
     """A new MCAP file; a context manager.
 
-    `sync_period_s` : how often what was written is forced onto the disk (None: only at the end).
+    `sync_period_s` : how often what was written is forced onto the disk (None: only at the end);
+    `compressed` : False for images, which are compressed already.
     When the block ends with an error the file is left without its end, so that nobody takes it for
     a whole recording. Raises `LogError` naming file and free space when the disk takes no more.
     """
@@ -48,12 +49,14 @@ class LogWriter:
         file: Path,
         *,
         sync_period_s: float | None = 1.0,
+        compressed: bool = True,
         clock_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self.file = file
         self.topics: dict[str, WrittenTopic] = {}
         self._schemas: dict[str, int] = {}
         self._sync_period_s, self._clock_s = sync_period_s, clock_s
+        self._compressed = compressed
         self._synced_s = clock_s()
         self._stream: BinaryIO
         self._writer: Writer
@@ -64,7 +67,8 @@ class LogWriter:
         try:
             # Not unbuffered: the mcap writer would wrap such a stream and never flush its wrapper.
             self._stream = self.file.open("wb")
-            self._writer = Writer(self._stream, compression=CompressionType.ZSTD)
+            compression = CompressionType.ZSTD if self._compressed else CompressionType.NONE
+            self._writer = Writer(self._stream, compression=compression)
             self._writer.start(profile="ros2", library=f"trackside {version('trackside')}")
         except OSError as err:
             raise writing_error(self.file, err) from err
@@ -100,8 +104,14 @@ class LogWriter:
             written.count += 1
             written.first_ns = min(written.first_ns, log_t_ns)
             written.last_ns = max(written.last_ns, log_t_ns)
-            if self._sync_period_s is not None:
-                self._sync_when_due(self._sync_period_s)
+            self._sync_when_due()
+        except OSError as err:
+            raise writing_error(self.file, err) from err
+
+    def sync(self) -> None:
+        """Force what was written onto the disk, if that is due; for times when nothing comes."""
+        try:
+            self._sync_when_due()
         except OSError as err:
             raise writing_error(self.file, err) from err
 
@@ -115,9 +125,9 @@ class LogWriter:
         self.topics[topic] = written
         return written
 
-    def _sync_when_due(self, period_s: float) -> None:
+    def _sync_when_due(self) -> None:
         now_s = self._clock_s()
-        if now_s - self._synced_s >= period_s:
+        if self._sync_period_s is not None and now_s - self._synced_s >= self._sync_period_s:
             self._synced_s = now_s
             self._writer.flush()  # type: ignore[no-untyped-call]  # mcap types it not
             os.fdatasync(self._stream.fileno())

@@ -74,6 +74,13 @@ class Session:
         file = self.folder / LOG_NAME
         return McapLog(file) if file.exists() else None
 
+    @cached_property
+    def logs(self) -> tuple[McapLog, ...]:
+        """Every log of the session: the car's and those of the cameras."""
+        from capture.log_reader import McapLog
+
+        return tuple(McapLog(file) for file in sorted(self.folder.glob("[!.]*.mcap")))
+
     @property
     def topics(self) -> tuple[Topic, ...]:
         """What the log holds, by name."""

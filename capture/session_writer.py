@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -115,7 +115,7 @@ class SessionWriter:
                     log_t_ns=log_t_ns[at],
                     stamp_ns=stamps_ns[at],
                 )
-        write_rosbag_metadata(self._folder, LOG_NAME, list(log.topics.values()))
+        write_rosbag_metadata(self._folder, {LOG_NAME: list(log.topics.values())})
 
 
 def copy_calibration(session: Path, file: Path) -> None:
@@ -131,14 +131,12 @@ def copy_calibration(session: Path, file: Path) -> None:
     write_text(target, text)
 
 
-def write_rosbag_metadata(folder: Path, log_name: str, topics: Sequence[WrittenTopic]) -> None:
-    """`metadata.yaml` (rosbag2 version 8), by which ROS tools and rosbags open the folder."""
-    first = min(topic.first_ns for topic in topics)
-    extent = {
-        "starting_time": {"nanoseconds_since_epoch": first},
-        "duration": {"nanoseconds": max(topic.last_ns for topic in topics) - first},
-        "message_count": sum(topic.count for topic in topics),
-    }
+def write_rosbag_metadata(folder: Path, logs: Mapping[str, Sequence[WrittenTopic]]) -> None:
+    """`metadata.yaml` (rosbag2 version 8), by which ROS tools and rosbags open the folder.
+
+    logs : what each file of the folder holds; empty ones are left out.
+    """
+    logs = {name: topics for name, topics in logs.items() if topics}
     listed = [
         {
             "topic_metadata": {
@@ -150,18 +148,28 @@ def write_rosbag_metadata(folder: Path, log_name: str, topics: Sequence[WrittenT
             },
             "message_count": topic.count,
         }
+        for topics in logs.values()
         for topic in topics
     ]
     bag = {
         "version": ROSBAG2_VERSION,
         "storage_identifier": "mcap",
-        "relative_file_paths": [log_name],
-        **extent,
+        "relative_file_paths": list(logs),
+        **_extent([topic for topics in logs.values() for topic in topics]),
         "topics_with_message_count": listed,
         "compression_format": "",
         "compression_mode": "",
-        "files": [{"path": log_name, **extent}],
+        "files": [{"path": name, **_extent(topics)} for name, topics in logs.items()],
         "custom_data": None,
         "ros_distro": "humble",
     }
     write_yaml(folder / "metadata.yaml", {"rosbag2_bagfile_information": bag})
+
+
+def _extent(topics: Sequence[WrittenTopic]) -> dict[str, object]:
+    first = min(topic.first_ns for topic in topics)
+    return {
+        "starting_time": {"nanoseconds_since_epoch": first},
+        "duration": {"nanoseconds": max(topic.last_ns for topic in topics) - first},
+        "message_count": sum(topic.count for topic in topics),
+    }

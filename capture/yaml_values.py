@@ -12,7 +12,7 @@ from typing import Literal, Union, get_args, get_origin, get_type_hints
 
 import yaml
 
-from dialogue import nearest_names
+from dialogue import UsageError, nearest_names
 
 _INVALID = object()
 _INTEGER = re.compile(r"[-+]?[0-9]+")
@@ -92,7 +92,7 @@ def _dataclass_of(kind: type, node: yaml.Node, key: str, faults: list[Fault]) ->
         return _INVALID
     try:
         return kind(**values)
-    except ValueError as err:
+    except (ValueError, UsageError) as err:
         faults.append(_fault(node, key, str(err)))
         return _INVALID
 

@@ -153,16 +153,23 @@ class ModelPort:
 class PtyEmulator:
     """A model behind a pseudo-terminal at real pace, in a thread of its own; a context manager.
 
-    path : what other programs open. `sent_bytes` counts what the model sent. `unplug()` hangs up.
+    path : what other programs open. `sent_bytes` counts what the model sent, `dropped_bytes` what
+    found no room because nobody read. `unplug()` hangs up. speed : how much faster than real time
+    the model lives.
     """
 
     def __init__(
-        self, model: DeviceModel, *, clock_ns: Callable[[], int] = time.monotonic_ns
+        self,
+        model: DeviceModel,
+        *,
+        speed: float = 1.0,
+        clock_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         self.model = model
         self.sent_bytes = 0
         self.dropped_bytes = 0
-        self._clock_ns = clock_ns
+        self._speed = speed
+        self._clock_ns = clock_ns if speed == 1.0 else _faster(clock_ns, speed)
         self._ours, self._theirs = os.openpty()
         for end in (self._ours, self._theirs):
             tty.setraw(end)
@@ -197,7 +204,9 @@ class PtyEmulator:
     def _run(self) -> None:
         while True:
             next_ns = self.model.next_ns()
-            wait_s = IDLE_S if next_ns is None else (next_ns - self._clock_ns()) * 1e-9
+            wait_s = IDLE_S
+            if next_ns is not None:
+                wait_s = (next_ns - self._clock_ns()) * 1e-9 / self._speed
             ready, _, _ = select.select(
                 [self._ours, self._wake_read], [], [], min(max(wait_s, 0.0), IDLE_S)
             )
@@ -215,3 +224,8 @@ class PtyEmulator:
             sent = os.write(self._ours, data) if data else 0
         self.sent_bytes += sent
         self.dropped_bytes += len(data) - sent
+
+
+def _faster(clock_ns: Callable[[], int], speed: float) -> Callable[[], int]:
+    start_ns = clock_ns()
+    return lambda: start_ns + round((clock_ns() - start_ns) * speed)

@@ -60,31 +60,32 @@ class DeviceReader(Generic[Sample]):
         self._read_timeout_s, self._retry_s = read_timeout_s, retry_s
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name=device.name, daemon=True)
-        self.fault: BaseException | None = None
-        """What ended the thread, if it was no `DriverError`: a fault of ours."""
+        self.last_error: DriverError | None = None
+        """Why the newest try to get the device back failed."""
 
     def start(self) -> None:
         """Begin to read; the device is connected already, or is tried until it is."""
         self._thread.start()
 
+    def end(self) -> None:
+        """Ask the thread to end after its present read; `stop` does so too."""
+        self._ending.set()
+
     def stop(self, timeout_s: float = 5.0) -> bool:
         """End the thread and close the device; whether the thread ended in time."""
-        self._ending.set()
+        self.end()
         if self._thread.is_alive():
             self._thread.join(timeout_s)
         self.device.close()
         return not self._thread.is_alive()
 
     def _run(self) -> None:
-        try:
-            while not self._ending.is_set():
-                try:
-                    self._read_on()
-                except DriverError as err:
-                    self._take(DeviceLost(self._clock_ns(), err))
-                    self._reconnect()
-        except BaseException as err:
-            self.fault = err
+        while not self._ending.is_set():
+            try:
+                self._read_on()
+            except Exception as err:  # also a fault of ours must not end the recording
+                self._take(DeviceLost(self._clock_ns(), _told(self.device.name, err)))
+                self._reconnect()
 
     def _read_on(self) -> None:
         while not self._ending.is_set():
@@ -99,7 +100,15 @@ class DeviceReader(Generic[Sample]):
             tries += 1
             try:
                 self.device.connect()
-            except DriverError:
+            except Exception as err:
+                self.last_error = _told(self.device.name, err)
                 continue
             self._take(DeviceBack(self._clock_ns(), tries))
             return
+
+
+def _told(device: str, err: Exception) -> DriverError:
+    """The error of a driver as it is; any other says that it is a fault of ours."""
+    if isinstance(err, DriverError):
+        return err
+    return DriverError(f"{device}: a fault of trackside: {type(err).__name__}: {err}")

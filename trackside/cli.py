@@ -16,12 +16,19 @@ from dialogue import TracksideError, UsageError, nearest_names
 
 COMMANDS = {
     "demo": ("trackside.demo:demo", "The whole road without hardware, in a minute."),
-    "doctor": ("trackside.doctor:doctor", "What is wrong with this installation, and what to do."),
+    "doctor": ("trackside.doctor:doctor", "What would spoil a recording here, and what to do."),
+    "devices": ("trackside.devices:devices", "What is plugged in, who answered; writes a rig."),
+    "record": ("capture.recording.cli:record", "Record the car into a new session."),
+    "film": ("capture.recording.cli:film", "Record the overhead camera into a new session."),
+    "check": ("capture.recording.cli:check", "Is a recording any good?"),
+    "recover": ("capture.recording.cli:recover", "Finish what a power cut broke off."),
     "import": ("capture.cli:import_group", "Make a session of a data set, a bag or TUM files."),
     "info": ("capture.cli:info", "What a session holds."),
     "slam": ("slam.cli:slam", "Estimate path and landmark map of a session."),
     "score": ("scoring.cli:score", "Score path and map against the truth."),
     "compare": ("scoring.comparison.cli:compare", "Many scores: tables, intervals, tests."),
+    "replay": ("capture.recording.cli:replay", "Play a session through emulated devices."),
+    "emulate": ("drivers.cli:emulate", "A device that other programs can open."),
     "export": ("capture.cli:export_group", "Session to TUM, CSV, ROS 1 or ROS 2 bags."),
 }
 """Command -> where it is defined, and its line of help: `--help` imports none of them."""
@@ -55,7 +62,7 @@ class _Commands(click.Group):
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="trackside", prog_name="trackside")
 def trackside() -> None:
-    """Landmark SLAM of a small race car: import or record, estimate, score path and map."""
+    """Landmark SLAM of a small race car: record or import, estimate, score path and map."""
 
 
 def main(arguments: list[str] | None = None) -> None:

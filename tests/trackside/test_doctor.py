@@ -8,7 +8,8 @@ import pytest
 from click.testing import CliRunner
 
 from trackside import doctor as module
-from trackside.doctor import Finding, doctor, examine
+from trackside.doctor import doctor, examine
+from trackside.finding import Finding
 
 
 def finding(what: str, folder: Path) -> Finding:

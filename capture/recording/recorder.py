@@ -1,0 +1,290 @@
+"""All devices at once into one session: threads, the still period, the end, the verdict."""
+
+from __future__ import annotations
+
+import shutil
+import threading
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from capture.clock import UtcLine, read_clock_pair
+from capture.errors import CaptureError
+from capture.recording.facts import RecordingFacts
+from capture.recording.folder import held
+from capture.recording.inbox import Inbox
+from capture.recording.scribe import Diagnosis, Item, Scribe
+from capture.recording.status import Health, StreamStatus
+from capture.recording.translation import Translator
+from capture.recording.verdict import Verdict, judged
+from capture.sensor_messages import OK
+from capture.session_info import SessionInfo, write_session_info
+from capture.session_writer import write_rosbag_metadata
+from drivers import Device, DeviceReader, DriverError
+
+DIAGNOSIS_S = 1.0
+READY_S = 10.0
+"""So long a device may take to its first message: a lidar must spin up."""
+SELF = "recorder"
+"""The recorder's own name in the inbox and in the diagnostics."""
+
+
+class RecordingError(CaptureError):
+    """A recording that cannot begin, or had to end."""
+
+
+@dataclass(frozen=True)
+class Stream:
+    """A device to record: how it becomes messages, what is asked of it.
+
+    asked_hz : messages per second on the translator's topic; waiting : how many of its readings
+    may wait for the disk.
+    """
+
+    device: Device[Any]
+    translator: Translator[Any]
+    asked_hz: float | None = None
+    waiting: int = 4000
+
+
+@dataclass(frozen=True)
+class Limits:
+    """When a recording ends by itself; `seconds` None: not."""
+
+    seconds: float | None = None
+    disk_reserve_bytes: int = 500_000_000
+
+
+@dataclass(frozen=True)
+class Clocks:
+    """The clocks and the disk gauge of the machine, to be replaced in tests."""
+
+    monotonic_ns: Callable[[], int] = time.monotonic_ns
+    utc_ns: Callable[[], int] = time.time_ns
+    free_bytes: Callable[[Path], int] = lambda folder: shutil.disk_usage(folder).free
+
+
+class Recorder:
+    """A recording from the first byte to the verdict; a context manager.
+
+    folder : of the session, which exists and is empty; translators of all `streams` were made with
+    `utc`. Entering connects every device and reads it; `is_ready` is set, and the recording counts,
+    once each has given something. Leaving stops devices first, then ends the
+    logs, then writes what is known. Raises `RecordingError` naming every device that cannot be
+    had, and leaves none of the others running.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        info: SessionInfo,
+        streams: Mapping[str, Stream],
+        utc: UtcLine,
+        limits: Limits = Limits(),
+        clocks: Clocks = Clocks(),
+    ) -> None:
+        self.folder, self.info = folder, info
+        self._streams, self._utc, self._limits, self._clocks = dict(streams), utc, limits, clocks
+        translators = {name: stream.translator for name, stream in streams.items()}
+        self._scribe = Scribe(folder, translators, utc)
+        bounds = {name: stream.waiting for name, stream in streams.items()}
+        self._inbox: Inbox[Item] = Inbox({**bounds, SELF: 60})
+        self._readers = {name: self._reader(name, s.device) for name, s in streams.items()}
+        self._writer = threading.Thread(target=self._write_on, name="scribe", daemon=True)
+        self._held = ExitStack()
+        self._fault: Exception | None = None
+        self._health = Health(self._streams)
+        self._diagnosed_ns = 0
+        self._step_ns = self._free_bytes = 0
+        self._connected_ns = self.started_ns = 0
+        self.is_ready = False
+        self.ended_because = ""
+
+    def __enter__(self) -> Recorder:
+        with ExitStack() as undo:
+            undo.enter_context(held(self.folder))
+            self._connect()
+            undo.callback(self._close_devices)
+            self._begin()
+            self._held = undo.pop_all()
+        return self
+
+    def _begin(self) -> None:
+        identities = {name: dict(s.device.identify()) for name, s in self._streams.items()}
+        self.info = replace(self.info, devices=identities)
+        write_session_info(self.folder, self.info)
+        self._connected_ns = self._diagnosed_ns = self._clocks.monotonic_ns()
+        self._start(self._connected_ns)
+        self._writer.start()
+        for reader in self._readers.values():
+            reader.start()
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        stopped_ns = self._clocks.monotonic_ns()
+        if isinstance(error, Exception) and not self.ended_because:
+            self.ended_because = f"of an error ({type(error).__name__})"
+        with self._held:  # which closes the devices, once more, and lets go of the folder
+            self._stop_devices()
+            self._inbox.close()
+            self._writer.join()
+            self._end_logs(stopped_ns)
+
+    def _start(self, now_ns: int) -> None:
+        """Let the recording count from now."""
+        self.started_ns = now_ns
+        self._scribe.watch.start_ns = self._utc.utc(now_ns)
+
+    @property
+    def elapsed_s(self) -> float:
+        """Time since the start: since every device has given something, or has had its time."""
+        return (self._clocks.monotonic_ns() - self.started_ns) * 1e-9
+
+    def is_over(self) -> bool:
+        """Whether its time is over, or it must end (`ended_because` then says why)."""
+        limit_s = self._limits.seconds
+        return bool(self.ended_because) or (limit_s is not None and self.elapsed_s >= limit_s)
+
+    def poll(self) -> tuple[StreamStatus, ...]:
+        """How every stream does; to be called a few times a second.
+
+        Once a second it writes the diagnostics and looks after clock and disk. When the recording
+        must end, `ended_because` says why.
+        """
+        now_ns = self._clocks.monotonic_ns()
+        statuses = self._statuses(now_ns)
+        if not self.is_ready:
+            late = now_ns - self._connected_ns >= READY_S * 1e9
+            self.is_ready = late or all(status.messages for status in statuses)
+            self._start(now_ns)
+        if now_ns - self._diagnosed_ns >= DIAGNOSIS_S * 1e9:
+            self._diagnosed_ns = now_ns
+            self._look_around()
+            self._inbox.put(SELF, self._diagnosis(now_ns, statuses))
+        if self._fault is not None:
+            self.ended_because = f"writing failed: {self._fault}"
+        return statuses
+
+    def headline(self) -> str:
+        """One line on the whole recording: time, room on the disk, what waits to be written."""
+        free_gb = self._clocks.free_bytes(self.folder) * 1e-9
+        waiting = len(self._inbox)
+        return f"{self.elapsed_s:.0f} s, {free_gb:.1f} GB free, {waiting} waiting"
+
+    def facts(self) -> RecordingFacts:
+        """What is known of the recording until now."""
+        streams = tuple(
+            self._scribe.watch.facts(
+                name, s.translator.topic, s.asked_hz, self._health.losses(name, self._scribe)
+            )
+            for name, s in sorted(self._streams.items())
+        )
+        return RecordingFacts(
+            streams,
+            self._scribe.watch.duration_s,
+            utc_step_s=self._step_ns * 1e-9,
+            ended_because=self.ended_because,
+        )
+
+    def verdict(self) -> Verdict:
+        """Whether what was recorded until now is any good."""
+        return judged(self.facts())
+
+    def _reader(self, name: str, device: Device[Any]) -> DeviceReader[Any]:
+        def take(item: Any) -> None:
+            self._inbox.put(name, item)
+
+        return DeviceReader(device, take, clock_ns=self._clocks.monotonic_ns)
+
+    def _connect(self) -> None:
+        """All devices at the same time, so that their waits do not add up; all faults at once."""
+
+        def tried(stream: Stream) -> DriverError | None:
+            try:
+                stream.device.connect()
+            except DriverError as err:
+                return err
+            return None
+
+        with ThreadPoolExecutor(max(len(self._streams), 1)) as pool:
+            errors = list(pool.map(tried, self._streams.values()))
+        faults = [
+            f"{name}: {err}"
+            for name, err in zip(self._streams, errors, strict=True)
+            if err is not None
+        ]
+        if faults:
+            self._close_devices()
+            raise RecordingError("\n".join(["cannot record:", *faults]))
+
+    def _close_devices(self) -> None:
+        for stream in self._streams.values():
+            stream.device.close()
+
+    def _write_on(self) -> None:
+        try:
+            while (got := self._inbox.get()) is not None:
+                self._scribe.take(*got)
+        except Exception as err:
+            self._fault = err
+
+    def _statuses(self, now_ns: int) -> tuple[StreamStatus, ...]:
+        refused = self._inbox.refused
+        return self._health.now(now_ns, self._scribe, refused, self._utc, ready=self.is_ready)
+
+    def _look_around(self) -> None:
+        """Note whether the clock was set, and whether the disk has room left."""
+        pair = read_clock_pair(self._clocks.monotonic_ns, self._clocks.utc_ns)
+        self._step_ns = max(self._step_ns, self._utc.step_ns(pair), key=abs)
+        self._free_bytes = self._clocks.free_bytes(self.folder)
+        if self._free_bytes < self._limits.disk_reserve_bytes and not self.ended_because:
+            self.ended_because = f"the disk is full: {self._free_bytes / 1e6:.0f} MB left"
+
+    def _diagnosis(self, now_ns: int, statuses: tuple[StreamStatus, ...]) -> Diagnosis:
+        own = {
+            "started_ns": self._utc.utc(self.started_ns),
+            "ended_because": self.ended_because,
+            "utc_step_ns": self._step_ns,
+            "disk_free_bytes": self._free_bytes,
+            "most_waiting": self._inbox.high_water,
+        }
+        return Diagnosis(
+            now_ns, [*(status.diagnosis() for status in statuses), (SELF, OK, "", own)]
+        )
+
+    def _stop_devices(self) -> None:
+        for reader in self._readers.values():
+            reader.end()
+        with ThreadPoolExecutor(max(len(self._readers), 1)) as pool:
+            list(pool.map(lambda reader: reader.stop(), self._readers.values()))
+
+    def _end_logs(self, stopped_ns: int) -> None:
+        """The last diagnosis, the ends of the logs, and what is known of the recording."""
+        try:
+            if self._fault is not None:
+                raise self._fault
+            self._scribe.take(SELF, self._diagnosis(stopped_ns, self._statuses(stopped_ns)))
+            write_rosbag_metadata(self.folder, self._scribe.finish())
+        except Exception as err:
+            self._scribe.abandon(err)
+            raise RecordingError(
+                f"{err}\nwhat was written until then is kept: trackside recover {self.folder}"
+            ) from err
+        verdict = self.verdict()
+        ended = read_clock_pair(self._clocks.monotonic_ns, self._clocks.utc_ns)
+        self.info = replace(
+            self.info,
+            clocks=(*self.info.clocks, ended),
+            verdict=verdict.verdict,
+            verdict_reason=verdict.text,
+        )
+        write_session_info(self.folder, self.info)
