@@ -4,7 +4,7 @@
 
 The emulated camera hands out each frame as the kernel does: as a copy out of mapped memory, which
 is the one copy that is allowed. Copies are the peak of Python's own memory during one read, in
-frames. The share of a core is measured at real pace, thread and emulator included.
+frames, to a hundredth. The share of a core is measured at real pace, thread and emulator included.
 """
 
 from __future__ import annotations

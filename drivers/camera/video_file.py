@@ -78,7 +78,8 @@ class VideoFile:
                 f"{file}: is no video that OpenCV can read; convert it, "
                 f"for example ffmpeg -i {file.name} -c:v mjpeg -q:v 2 {file.stem}.mkv"
             )
-        fourcc = int(video.get(cv2.CAP_PROP_FOURCC)).to_bytes(4, "little").decode("latin-1")
+        code = int(video.get(cv2.CAP_PROP_FOURCC)) & 0xFFFFFFFF
+        fourcc = code.to_bytes(4, "little").decode("latin-1")
         # Format -1 gives the packets as they are in the file.
         self._jpeg = fourcc.upper() == "MJPG" and video.set(cv2.CAP_PROP_FORMAT, -1)
         self._rate_hz = video.get(cv2.CAP_PROP_FPS)

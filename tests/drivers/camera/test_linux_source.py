@@ -17,7 +17,7 @@ from linuxpy.video import raw
 from v4l2_kernel import GRANTED, SOE_MONOTONIC, Kernel
 
 from drivers import DeviceLostError, DriverError, PortMissingError
-from drivers.camera import Stamp, V4l2Camera, V4l2Config
+from drivers.camera import Stamp, V4l2Camera, V4l2Config, list_cameras
 from drivers.camera.v4l2 import Control, StampClock, StampEdge, VideoMode
 from drivers.camera.v4l2.linux_source import LinuxSource
 
@@ -233,6 +233,20 @@ def test_a_camera_on_this_machine_from_path_to_frame(kernel: Kernel) -> None:
         device.read(1.0)
     device.close()
     assert not kernel.streaming
+
+
+def test_the_list_of_cameras_through_the_real_road(kernel: Kernel, tmp_path: Path) -> None:
+    before = open_descriptors()
+    (camera,) = list_cameras(devices=tmp_path, sysfs=tmp_path)
+    assert (camera.path, camera.driver, camera.problem) == (str(kernel.file), "uvcvideo", None)
+    assert VideoMode("MJPG", 1920, 1080, (15.0, 30.0)) in camera.modes
+    kernel.fails[raw.IOC.QUERYCAP] = errno.ENOTTY
+    (camera,) = list_cameras(devices=tmp_path, sysfs=tmp_path)
+    assert (
+        camera.problem
+        == f"{kernel.file}: is no video device; see trackside devices for the cameras"
+    )
+    assert open_descriptors() == before
 
 
 def test_a_missing_camera_and_a_missing_library(monkeypatch: pytest.MonkeyPatch) -> None:
