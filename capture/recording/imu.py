@@ -22,6 +22,8 @@ from drivers.imu import ImuSample
 from geometry import Floats
 
 FRAME = "imu"
+OSCILLATOR_SKEW = 0.02
+"""An MPU-9250 samples by an oscillator that is good to 1 % (PS-MPU-9250A-01, 3.2)."""
 
 
 class StillPeriod:
@@ -50,7 +52,7 @@ class ImuTranslator:
     topic = IMU_TOPIC
 
     def __init__(self, utc: UtcLine) -> None:
-        self.clock = ClockFilter()
+        self.clock = ClockFilter(max_skew=OSCILLATOR_SKEW)
         self.still = StillPeriod()
         self.still_until_ns = 0
         self._utc = utc

@@ -108,8 +108,8 @@ class Recorder:
     def __enter__(self) -> Recorder:
         with ExitStack() as undo:
             undo.enter_context(held(self.folder))
+            undo.callback(self._stop_devices)
             self._connect()
-            undo.callback(self._close_devices)
             self._begin()
             self._held = undo.pop_all()
         return self
@@ -121,8 +121,6 @@ class Recorder:
         self._connected_ns = self._diagnosed_ns = self._clocks.monotonic_ns()
         self._start(self._connected_ns)
         self._writer.start()
-        for reader in self._readers.values():
-            reader.start()
 
     def __exit__(
         self,
@@ -133,7 +131,7 @@ class Recorder:
         stopped_ns = self._clocks.monotonic_ns()
         if isinstance(error, Exception) and not self.ended_because:
             self.ended_because = f"of an error ({type(error).__name__})"
-        with self._held:  # which closes the devices, once more, and lets go of the folder
+        with self._held:  # which stops the devices, once more, and lets go of the folder
             self._stop_devices()
             self._inbox.close()
             self._writer.join()
@@ -153,6 +151,11 @@ class Recorder:
         """Whether its time is over, or it must end (`ended_because` then says why)."""
         limit_s = self._limits.seconds
         return bool(self.ended_because) or (limit_s is not None and self.elapsed_s >= limit_s)
+
+    @property
+    def most_waiting(self) -> int:
+        """How many readings ever waited for the disk at once."""
+        return self._inbox.high_water
 
     def poll(self) -> tuple[StreamStatus, ...]:
         """How every stream does; to be called a few times a second.
@@ -206,29 +209,25 @@ class Recorder:
         return DeviceReader(device, take, clock_ns=self._clocks.monotonic_ns)
 
     def _connect(self) -> None:
-        """All devices at the same time, so that their waits do not add up; all faults at once."""
+        """All devices at the same time, so that their waits do not add up; all faults at once.
 
-        def tried(stream: Stream) -> DriverError | None:
+        Each is read as soon as it runs: buffers of devices and of the kernel hold a third of a
+        second, others may take longer to start.
+        """
+
+        def tried(name: str) -> DriverError | None:
             try:
-                stream.device.connect()
+                self._streams[name].device.connect()
             except DriverError as err:
                 return err
+            self._readers[name].start()
             return None
 
         with ThreadPoolExecutor(max(len(self._streams), 1)) as pool:
-            errors = list(pool.map(tried, self._streams.values()))
-        faults = [
-            f"{name}: {err}"
-            for name, err in zip(self._streams, errors, strict=True)
-            if err is not None
-        ]
+            errors = list(pool.map(tried, self._streams))
+        faults = [f"{name}: {err}" for name, err in zip(self._streams, errors, strict=True) if err]
         if faults:
-            self._close_devices()
             raise RecordingError("\n".join(["cannot record:", *faults]))
-
-    def _close_devices(self) -> None:
-        for stream in self._streams.values():
-            stream.device.close()
 
     def _write_on(self) -> None:
         try:
@@ -255,7 +254,7 @@ class Recorder:
             "ended_because": self.ended_because,
             "utc_step_ns": self._step_ns,
             "disk_free_bytes": self._free_bytes,
-            "most_waiting": self._inbox.high_water,
+            "most_waiting": self.most_waiting,
         }
         return Diagnosis(
             now_ns, [*(status.diagnosis() for status in statuses), (SELF, OK, "", own)]
