@@ -27,7 +27,7 @@ from drivers.rplidar.revolution import Revolution, RevolutionSplitter
 from drivers.rplidar.slips import SlipWatch
 
 CONNECT_S = 4.8
-START_S, STARTS = 0.5, 2
+START_S = 0.5
 SPIN_UP_S = 6.0
 SILENCE_S = 1.0
 NONSENSE_S = 2.0
@@ -136,7 +136,8 @@ class RPLidar:
         port = self._open_port(self._config.port, bauds[0])
         try:
             self._unless_closed(lambda: setattr(self, "_port", port))
-            self._session = self._begin(port, bauds)
+            session = self._begin(port, bauds)
+            self._unless_closed(lambda: setattr(self, "_session", session))
         except BaseException:
             self.close()
             port.close()
@@ -249,17 +250,18 @@ class RPLidar:
 
     def _start(self, port: MotorPort, talk: Conversation, mode: ScanMode) -> tuple[int, Chunk]:
         """The type of answers that the scan really gives, and what came of them already."""
-        for left in reversed(range(STARTS)):
-            try:
-                self._unless_closed(lambda: port.write(scan_request(mode)))
-                descriptor, first = talk.scan(START_S)
-                return descriptor.kind, first
-            except NoAnswerError:
-                if not left:
-                    raise
-                self.counters.timeouts += 1
-                talk.settle()
-        raise AssertionError("unreachable")
+
+        def ask() -> tuple[int, Chunk]:
+            self._unless_closed(lambda: port.write(scan_request(mode)))
+            descriptor, first = talk.scan(START_S)
+            return descriptor.kind, first
+
+        try:
+            return ask()
+        except NoAnswerError:
+            self.counters.timeouts += 1
+            talk.settle()
+            return ask()
 
     def _check_silence(self, session: _Session, now_ns: int) -> None:
         if session.last_ns is None:

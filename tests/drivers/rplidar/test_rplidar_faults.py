@@ -321,6 +321,38 @@ def test_a_reader_that_comes_too_late_loses_what_the_kernel_cannot_hold(
     assert_true(one)
 
 
+@ALL
+@pytest.mark.parametrize("gap_s", [0.06, 0.1, 0.37])
+def test_a_gap_in_the_middle_whose_bytes_are_lost(mode: str, gap_s: float) -> None:
+    one = running(mode)
+    before = len(one.turns)
+    one.model.faults.silent = True
+    one.run(gap_s, timeout_s=0.01)
+    one.model.faults.silent = False
+    one.run(1.0)
+    # The angles tell how many capsules are missing, as long as it is less than a turn.
+    if gap_s > 0.08:
+        assert one.lidar.counters.details["epochs"] >= 1
+    assert one.lidar.counters.details["epochs"] + one.lidar.counters.lost_samples > 0
+    assert len(one.turns) - before >= 7
+    assert_true(one)
+
+
+def test_a_request_to_scan_that_gets_lost_is_asked_again() -> None:
+    class Deaf(RPLidarModel):
+        asked = 0
+
+        def _scan(self, mode: ScanMode, now_ns: int, *, needs_rotation: bool) -> None:
+            self.asked += 1
+            if self.asked > 1:
+                super()._scan(mode, now_ns, needs_rotation=needs_rotation)
+
+    one = Bench(Deaf()).connected()
+    assert one.lidar.counters.timeouts == 1
+    one.run(3.0)
+    assert one.turns
+
+
 def test_behind_a_usb_adapter_the_earliest_ticks_are_still_true() -> None:
     one = running("Boost", usb_frame_ns=1_000_000)
     late = [t.arrival_ns - t.delay_ns - t.device_ns for t in one.ticks]
