@@ -27,7 +27,7 @@ class RecordingConfig:
     """
 
     folder: str = "sessions"
-    disk_reserve_mb: int = field(default=500, metadata={"min": 50})
+    disk_reserve_mb: int = field(default=500, metadata={"min": 0})
     still_s: float = field(default=2.0, metadata={"min": 0.0, "max": 60.0})
 
 
