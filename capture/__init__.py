@@ -30,7 +30,7 @@ from capture.landmark_table import (
 from capture.session import Session, list_sessions
 from capture.session_info import ClockPair, SessionInfo, software
 from capture.stamps import ns_to_stamp, stamp_to_ns
-from capture.streams import Imu, Observations, Odometry, Scans, VescState
+from capture.streams import Drive, Imu, Observations, Odometry, Scans, VescState
 from capture.transaction import new_folder, write_text
 from capture.tum import TumPath, read_planar_tum, read_tum, write_tum
 
@@ -39,6 +39,7 @@ __all__ = [
     "CaptureError",
     "ClockPair",
     "ConfigurationError",
+    "Drive",
     "Estimate",
     "EstimatedMap",
     "GroundTruth",

@@ -19,12 +19,14 @@ from capture.result_files import (
     write_ground_truth,
 )
 from capture.session_info import FILE_NAME, SessionInfo, read_session_info
-from capture.streams import Imu, Observations, Odometry, Scans, VescState
+from capture.streams import Drive, Imu, Observations, Odometry, Scans, VescState
 from capture.topics import (
+    DRIVE_TOPIC,
     IMU_TOPIC,
     LOG_NAME,
     ODOMETRY_SUFFIX,
     ODOMETRY_TYPE,
+    POINTS_TOPIC,
     PREFERRED_SOURCES,
     RANGE_BEARING_TOPIC,
     SCAN_TOPIC,
@@ -114,7 +116,7 @@ class Session:
     @property
     def has_scans(self) -> bool:
         """Whether there are lidar revolutions."""
-        return self._has(SCAN_TOPIC)
+        return self._has(POINTS_TOPIC) or self._has(SCAN_TOPIC)
 
     @property
     def has_observations(self) -> bool:
@@ -122,7 +124,11 @@ class Session:
         return self._has(RANGE_BEARING_TOPIC)
 
     def scans(self) -> Scans:
-        """Lidar revolutions."""
+        """Lidar revolutions; of `/lidar/points`, which has each beam's own time, else `/scan`."""
+        if self._has(POINTS_TOPIC):
+            from capture.point_cloud import point_cloud_columns
+
+            return point_cloud_columns(self._raw("lidar points", POINTS_TOPIC))
         from capture.log_columns import scan_columns
 
         return scan_columns(self._raw("lidar scans", SCAN_TOPIC))
@@ -138,6 +144,12 @@ class Session:
         from capture.log_columns import vesc_state_columns
 
         return vesc_state_columns(self._raw("motor controller telemetry", VESC_STATE_TOPIC))
+
+    def drive(self) -> Drive:
+        """What the car was told to do."""
+        from capture.log_columns import drive_columns
+
+        return drive_columns(self._raw("drive commands", DRIVE_TOPIC))
 
     def observations(self) -> Observations:
         """Ranges and bearings of landmarks that the data set brought along."""

@@ -6,7 +6,7 @@ counter-clockwise in radians. n is the number of messages.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +19,8 @@ class Odometry:
     """Dead-reckoned motion of the car as one source tells it.
 
     t_ns : (n,); pose_odom_base : (n, 3), x y heading of the car in the frame the source began in;
-    speed_m_s, yaw_rate_rad_s : (n,), forward speed and turn rate.
+    speed_m_s, yaw_rate_rad_s : (n,), forward speed and turn rate; lost_t_ns : stamps of messages in
+    which the source said that it does not know how the car moved (they are no samples).
     """
 
     source: str
@@ -27,6 +28,7 @@ class Odometry:
     pose_odom_base: Floats
     speed_m_s: Floats
     yaw_rate_rad_s: Floats
+    lost_t_ns: Stamps = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +74,18 @@ class VescState:
     voltage_v: Floats
     motor_current_a: Floats
     duty: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """What the car was told to do.
+
+    t_ns : (n,); steering_rad : (n,) angle of the front wheels, left positive; speed_m_s : (n,).
+    """
+
+    t_ns: Stamps
+    steering_rad: Floats
+    speed_m_s: Floats
 
 
 @dataclass(frozen=True, eq=False)
