@@ -91,14 +91,22 @@ def integrated(
 
     Each step goes straight along its mean heading, which is good to second order in the turn.
     """
-    ((x0, y0, heading0),) = np.zeros((1, 3)) if start is None else start
+    start = np.zeros((1, 3)) if start is None else start
+    poses = unwound(t_ns, speed_m_s, yaw_rate_rad_s, start)
+    poses[:, 2] = wrap(poses[:, 2])
+    return poses
+
+
+def unwound(t_ns: Stamps, speed_m_s: Floats, yaw_rate_rad_s: Floats, start: Floats) -> Floats:
+    """The same with headings that are not wrapped, so that it can be gone on with exactly."""
+    ((x0, y0, heading0),) = start
     period_s = np.diff(t_ns) * 1e-9
     turn, step = yaw_rate_rad_s[:-1] * period_s, speed_m_s[:-1] * period_s
     heading = np.cumsum(np.append(heading0, turn))
     middle = heading[:-1] + turn / 2
     x = np.cumsum(np.append(x0, step * np.cos(middle)))
     y = np.cumsum(np.append(y0, step * np.sin(middle)))
-    return np.stack([x, y, wrap(heading)], axis=1)
+    return np.stack([x, y, heading], axis=1)
 
 
 def scan_columns(raw: RawMessages) -> Scans:

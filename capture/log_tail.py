@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 
+from capture.arrived import Arrived
 from capture.errors import LogError
 from capture.log_reader import MAGIC, MAX_RECORD_BYTES, RECORD, LogScan, RawMessages, unreadable
 
@@ -22,14 +23,14 @@ if TYPE_CHECKING:
     from mcap.records import McapRecord
 
 _FOOTER_OP, _DATA_END_OP = 2, 15
+_MOST_BYTES = 10_000_000
 _KNOWN_OPS = range(1, _DATA_END_OP + 1)
 
 
 class LogTail:
     """A growing MCAP file, read from where the last look ended. Never waits.
 
-    ended : the file has got its end, nothing more will come; damaged_chunks : that failed their
-    checksum and were left out; type_names : the message type of each topic met so far.
+    ended : the file has got its end, nothing more will come.
     Raises `LogError`: unreadable, no MCAP file, replaced meanwhile, an encoding other than CDR.
     """
 
@@ -45,16 +46,12 @@ class LogTail:
         return self._scan.damaged_chunks
 
     @property
-    def type_names(self) -> dict[str, str]:
-        """Topic -> message type, of all channels met so far."""
-        schemas = self._scan.schemas
-        return {c.topic: schemas[c.schema_id].name for c in self._scan.channels.values()}
+    def done_bytes(self) -> int:
+        """How much of the file was read; a file that does not exist yet is an empty one."""
+        return self._offset
 
-    def read(self) -> dict[str, RawMessages]:
-        """What is new, by topic, each in order of log time; empty where the file did not grow.
-
-        A file that does not exist yet is one that did not grow.
-        """
+    def read(self) -> Arrived:
+        """What is new, at most some ten megabytes at once: read on while `done_bytes` grows."""
         found: dict[str, list[tuple[int, bytes]]] = {}
         try:
             with self.file.open("rb") as stream:
@@ -64,10 +61,10 @@ class LogTail:
                     ):
                         found.setdefault(topic, []).append((log_t_ns, content[start:stop]))
         except FileNotFoundError:
-            return {}
+            return Arrived({})
         except OSError as err:
             raise unreadable(self.file, err) from err
-        return {topic: _raw(topic, messages) for topic, messages in found.items()}
+        return Arrived({topic: _raw(topic, messages) for topic, messages in found.items()})
 
     def _new_records(self, stream: BinaryIO) -> Iterator[McapRecord]:
         """Complete records beyond the offset, which moves along."""
@@ -80,7 +77,8 @@ class LogTail:
         if not self._offset and not self._begins(stream, size):
             return
         stream.seek(self._offset)
-        while not self.ended and size - self._offset >= RECORD.size:
+        enough = self._offset + _MOST_BYTES
+        while not self.ended and size - self._offset >= RECORD.size and self._offset < enough:
             op, length = RECORD.unpack(stream.read(RECORD.size))
             end = self._offset + RECORD.size + length
             # A place without a record: room that the file system gave before its content came.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cached_property
@@ -37,6 +37,7 @@ from capture.topics import (
 
 if TYPE_CHECKING:
     from capture.log_reader import McapLog, RawMessages, Topic
+    from capture.log_tail import LogTail
     from capture.session_writer import SessionWriter
 
 
@@ -75,6 +76,12 @@ class Session:
 
         file = self.folder / LOG_NAME
         return McapLog(file) if file.exists() else None
+
+    def log_tail(self) -> LogTail:
+        """A reader of the log while it is being recorded; it need not exist yet."""
+        from capture.log_tail import LogTail
+
+        return LogTail(self.folder / LOG_NAME)
 
     @property
     def topics(self) -> tuple[Topic, ...]:
@@ -253,6 +260,11 @@ def list_sessions(folder: Path) -> tuple[Path, ...]:
             "trackside import made"
         )
     return tuple(found)
+
+
+def preferred_source(sources: Iterable[str]) -> str | None:
+    """The odometry to take where nobody asked for one."""
+    return min(sources, key=_preference, default=None)
 
 
 def _preference(source: str) -> tuple[int, str]:

@@ -6,7 +6,8 @@ counter-clockwise in radians. n is the number of messages.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -106,3 +107,42 @@ class Observations:
         """(k + 1,): observations of scan j are `batch_starts[j]:batch_starts[j + 1]`."""
         first = np.flatnonzero(np.diff(self.t_ns, prepend=self.t_ns[:1] - 1))
         return np.append(first, self.t_ns.size).astype(np.int64)
+
+
+Samples = TypeVar("Samples", Odometry, Imu, VescState, Drive)
+"""Streams with one row in every column for each of their samples."""
+
+
+def joined(one: Samples, other: Samples) -> Samples:
+    """The samples of one and then of the other."""
+    both: dict[str, Any] = {
+        name: np.concatenate([getattr(one, name), column])
+        for name, column in _columns(other).items()
+    }
+    return replace(other, **both)
+
+
+def split(samples: Samples, row: int) -> tuple[Samples, Samples]:
+    """The samples before a row, and those from it on."""
+    size = samples.t_ns.size
+    until_ns = samples.t_ns[row] if row < size else np.iinfo(np.int64).max
+    head: dict[str, Any] = {}
+    tail: dict[str, Any] = {}
+    for name, column in _columns(samples).items():
+        at = int(np.searchsorted(column, until_ns)) if name == "lost_t_ns" else row
+        head[name], tail[name] = column[:at], column[at:]
+    return replace(samples, **head), replace(samples, **tail)
+
+
+def extended(known: Samples, new: Samples | None) -> Samples:
+    """The known samples and the new ones; those that come too late to stand after them are lost."""
+    if new is None:
+        return known
+    if not known.t_ns.size:
+        return joined(known, new)
+    return joined(known, split(new, int(np.searchsorted(new.t_ns, known.t_ns[-1], "right")))[1])
+
+
+def _columns(samples: Samples) -> dict[str, Any]:
+    values = {part.name: getattr(samples, part.name) for part in fields(samples)}
+    return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
