@@ -47,6 +47,7 @@ from capture.streams import (
 )
 from capture.transaction import new_folder, write_text
 from capture.tum import TumPath, read_planar_tum, read_tum, write_tum
+from capture.yaml_file import read_yaml, write_yaml
 
 __all__ = [
     "NO_STAMP",
@@ -88,6 +89,7 @@ __all__ = [
     "read_path_covariance",
     "read_planar_tum",
     "read_tum",
+    "read_yaml",
     "software",
     "split",
     "stamp_to_ns",
@@ -97,4 +99,5 @@ __all__ = [
     "write_path_covariance",
     "write_text",
     "write_tum",
+    "write_yaml",
 ]

@@ -208,6 +208,12 @@ class Session:
         return self.folder / "scores" / f"{checked_name(name)}.json"
 
     @property
+    def deciding_files(self) -> tuple[Path, ...]:
+        """The files that decide what can be made of the session: its log and its truth."""
+        files = (self.folder / LOG_NAME, *sorted(self._truth_folder.glob("*")))
+        return tuple(file for file in files if file.is_file())
+
+    @property
     def calibrations(self) -> tuple[Path, ...]:
         """The calibrations that were in force, sorted by name."""
         return tuple(sorted((self.folder / "calibration").glob("*.yaml")))

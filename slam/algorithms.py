@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -127,12 +128,12 @@ class Request:
 
 
 def estimate_session(
-    session: Session, request: Request, name: str | None = None
+    session: Session, request: Request, name: str | None = None, *, quiet: bool = False
 ) -> tuple[Estimate, RunReport, list[str]]:
     """The estimate that the request makes of a session, what happened, and notes for a person.
 
     Nothing is written. Observations are those of the session or, where it has lidar scans only,
-    the cones found in them. Shows its progress.
+    the cones found in them. Shows its progress unless `quiet`.
     """
     config = request.config()
     driven, source = odometry_of(session, request.odometry, request.source_config())
@@ -141,7 +142,8 @@ def estimate_session(
     named = bool(np.any(observations.landmark_id >= 0))
     association = request.association_for(session.folder, named=named)
     slam = request.made(association)
-    with Progress(request.algorithm, observations.batch_starts.size - 1) as progress:
+    scans = observations.batch_starts.size - 1
+    with Progress(request.algorithm, scans, stream=StringIO() if quiet else None) as progress:
         estimate, report = run_slam(
             slam,
             driven,
