@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
@@ -118,7 +118,13 @@ def _known(space: Space, request: Request) -> set[str]:
 def _unknown(space: Space, requests: Sequence[Request], known: Mapping[str, set[str]]) -> list[str]:
     names = {name for request in requests for name in parameter_names(request)}
     unknown = [key for key in space if not any(key in own for own in known.values())]
-    return [f"{key}: no such parameter; {nearest_names(key, names)}" for key in unknown]
+    return [f"{key}: no such parameter; {_hint(key, names)}" for key in unknown]
+
+
+def _hint(key: str, names: Collection[str]) -> str:
+    """The names that end so, or else the nearest."""
+    ending = sorted(name for name in names if name.endswith(f".{key}"))
+    return f"did you mean {' or '.join(ending)}?" if ending else nearest_names(key, names)
 
 
 def _value_faults(space: Space, request: Request, known: Mapping[str, set[str]]) -> list[str]:

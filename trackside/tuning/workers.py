@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from dialogue import TracksideError, UsageError
 from trackside.tuning.jobs import Failure, Job, Outcome, attempt
 
+Work = Callable[[Job], Outcome | Failure]
 Done = Iterator[tuple[Job, Outcome | Failure]]
 Runner = Callable[[Sequence[Job]], Done]
 """Runs jobs and gives each with its outcome, in the order in which they are done."""
@@ -31,7 +32,7 @@ def one_after_the_other(jobs: Sequence[Job]) -> Done:
         yield job, attempt(job)
 
 
-def on_cores(jobs: Sequence[Job], workers: int) -> Done:
+def on_cores(jobs: Sequence[Job], workers: int, work: Work = attempt) -> Done:
     """In processes of their own, which each use one thread.
 
     A job that ends its process (out of memory, a crash in a library) is a failure of its own: what
@@ -43,7 +44,7 @@ def on_cores(jobs: Sequence[Job], workers: int) -> Done:
             unfinished = []
             pool = _pool(min(workers, len(waiting)))
             try:
-                futures = {pool.submit(attempt, job): job for job in waiting}
+                futures = {pool.submit(work, job): job for job in waiting}
                 for future in as_completed(futures):
                     try:
                         yield futures[future], future.result()
@@ -55,7 +56,7 @@ def on_cores(jobs: Sequence[Job], workers: int) -> Done:
             left = [job for job in waiting if job in set(unfinished)]
             at_hand = left[: 2 * workers + 1]
             waiting = left[len(at_hand) :]
-            yield from ((job, _alone(job)) for job in at_hand)
+            yield from ((job, _alone(job, work)) for job in at_hand)
 
 
 def on_cluster(jobs: Sequence[Job], address: str) -> Done:
@@ -85,10 +86,10 @@ def on_cluster(jobs: Sequence[Job], address: str) -> Done:
             yield futures[future], told or future.result()
 
 
-def _alone(job: Job) -> Outcome | Failure:
+def _alone(job: Job, work: Work) -> Outcome | Failure:
     pool = _pool(1)
     try:
-        future: Future[Outcome | Failure] = pool.submit(attempt, job)
+        future: Future[Outcome | Failure] = pool.submit(work, job)
         return future.result()
     except BrokenProcessPool:
         return Failure("its process died (out of memory, or a crash in a library)")
