@@ -3,6 +3,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from full_rig import Emulated, record
 from rig_audit import audited, missing_bytes
@@ -20,7 +21,7 @@ def emulated() -> Iterator[Emulated]:
 
 @pytest.mark.slow
 def test_half_a_minute_of_the_whole_rig_loses_nothing(tmp_path: Path, emulated: Emulated) -> None:
-    """The figures of `benchmarks/recording.py`, with room for other programs on this machine."""
+    """The figures of `benchmarks/recorder.py`, with room for other programs on this machine."""
     use = record(tmp_path, emulated, 30.0, camera=True)
     streams = {stream.name: stream for stream in audited(tmp_path, emulated)}
     assert {name: stream.missing for name, stream in streams.items()} == {
@@ -31,7 +32,8 @@ def test_half_a_minute_of_the_whole_rig_loses_nothing(tmp_path: Path, emulated: 
     }
     assert streams["lidar"].messages >= 295
     assert streams["overhead"].messages >= 890
-    assert {name: s.jitter_s < 2e-3 for name, s in streams.items()} == dict.fromkeys(streams, True)
+    late = {name: np.percentile(np.abs(s.error_s), 90) < 2e-3 for name, s in streams.items()}
+    assert late == dict.fromkeys(streams, True)
     assert use.core_share < 0.7
     assert use.memory_mb[1] < use.memory_mb[0] + 10.0
     assert use.verdict.verdict == "good", use.verdict.text

@@ -125,7 +125,6 @@ def test_a_reader_survives_a_lidar_that_hangs_up_and_comes_back(
             assert come.acquire(timeout=20.0)
         assert all(come.acquire(timeout=20.0) for _ in range(2))
         assert reader.stop()
-    assert reader.fault is None
     events = [type(one) for one in seen if not isinstance(one, Reading)]
     assert events == [DeviceLost, DeviceBack]
     turns = [turn for one in seen if isinstance(one, Reading) for turn in one.samples]

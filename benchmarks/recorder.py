@@ -1,6 +1,6 @@
 """The whole rig at real pace for ten minutes: what is lost, what it takes, how true its stamps are.
 
-    uv run python benchmarks/recording.py [MINUTES]
+    uv run python benchmarks/recorder.py [MINUTES]
 
 Lidar 8000 samples/s (ultra capsules), VESC 50 Hz, IMU 200 Hz, camera 30 frames/s of 1080p JPEG
 (0.5 MB each). Lidar and VESC are emulated in a process of their own behind pseudo-terminals; the
