@@ -23,13 +23,12 @@ import numpy.typing as npt
 
 from capture.clock import UtcLine, read_clock_pair
 from capture.recording.camera import CameraTranslator
-from capture.recording.check import STREAMS_KEY
 from capture.recording.imu import ImuTranslator
 from capture.recording.lidar import LidarTranslator
 from capture.recording.recorder import Limits, Recorder, Stream
 from capture.recording.verdict import Verdict
 from capture.recording.vesc import VescTranslator
-from capture.session_info import ClockPair, SessionInfo
+from capture.session_info import SessionInfo
 from capture.topics import OVERHEAD_LOG_NAME, OVERHEAD_TOPIC
 from drivers import DeviceModel, PtyEmulator
 from drivers.camera import CameraEmulator, RealClock, V4l2Camera, V4l2Config
@@ -216,21 +215,15 @@ def rig_streams(emulated: Emulated, utc: UtcLine, *, camera: bool) -> dict[str, 
     return streams
 
 
-def rig_info(streams: dict[str, Stream], pair: ClockPair) -> SessionInfo:
-    """What `session.yaml` says of such a recording."""
-    asked = {
-        name: {"topic": s.translator.topic, "asked_hz": s.asked_hz} for name, s in streams.items()
-    }
-    return SessionInfo(map="rig", clocks=(pair,), configuration={STREAMS_KEY: asked})
-
-
 def record(folder: Path, emulated: Emulated, seconds: float, *, camera: bool) -> Use:
     """Record the rig for a while and measure this process meanwhile."""
     _jpeg()
     pair = read_clock_pair()
     utc = UtcLine(pair.monotonic_ns, pair.utc_ns)
     streams = rig_streams(emulated, utc, camera=camera)
-    recorder = Recorder(folder, rig_info(streams, pair), streams, utc, Limits(seconds))
+    recorder = Recorder(
+        folder, SessionInfo(map="rig", clocks=(pair,)), streams, utc, Limits(seconds)
+    )
     wait = multiprocessing.Event().wait
     memory_mb: list[float] = []
     with recorder:

@@ -11,6 +11,8 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
@@ -220,6 +222,29 @@ def test_a_full_disk_ends_the_recording_and_keeps_what_was_written(rig: Rig) -> 
 
 
 RESERVE = "recording:\n  disk_reserve_mb: 0\n"
+
+
+def test_old_footage_becomes_a_film_and_ends_by_itself(tmp_path: Path) -> None:
+    images = tmp_path / "images"
+    images.mkdir()
+    for number in range(45):
+        good, data = cv2.imencode(".jpg", np.full((48, 64), 5 * number, np.uint8))
+        assert good
+        (images / f"{number:03}.jpg").write_bytes(data.tobytes())
+    rig_file = tmp_path / "rig.yaml"
+    rig_file.write_text(f"overhead_images:\n  folder: {images}\n  rate_hz: 30.0\n")
+    words = ["--rig", str(rig_file), "--map", "turn", "-o", str(tmp_path / "films")]
+    done = run("film", *words)
+    assert done.returncode == 0, done.stderr
+    assert "verdict: good" in done.stdout
+    (folder,) = (tmp_path / "films").glob("*_turn_1_film")
+    with AnyReader([folder]) as reader:
+        frames = [
+            reader.deserialize(data, connection.msgtype).data.tobytes()  # type: ignore[attr-defined]  # rosbags makes the type
+            for connection, _, data in reader.messages()
+            if connection.topic == "/overhead/image/compressed"
+        ]
+    assert frames == [(images / f"{number:03}.jpg").read_bytes() for number in range(45)]
 
 
 def test_a_session_is_replayed_and_recorded_again_byte_for_byte(rig: Rig) -> None:
