@@ -75,6 +75,7 @@ class OnlineSlam:
         self._cpu_s = 0.0
         self._log_ns: tuple[int, int] | None = None
         self._early: list[Arrived] = []
+        self._topics: set[str] = set()
         self._association = self._source = ""
         self._run: LiveRun | None = None
 
@@ -85,6 +86,7 @@ class OnlineSlam:
         started_s = time.process_time()
         first_ns, last_ns = self._log_ns or (new.first_log_t_ns, new.log_t_ns)
         self._log_ns = min(first_ns, new.first_log_t_ns), max(last_ns, new.log_t_ns)
+        self._topics.update(new.topics)
         if self._run is None:
             self._early.append(new)
             if self._log_ns[1] - self._log_ns[0] >= CHOOSE_AFTER_NS:
@@ -122,7 +124,9 @@ class OnlineSlam:
         assert run is not None
         run.take(Arrived({}), self._log_ns[1] if self._log_ns else 0, last=True)
         stepper = run.stepper
-        if stepper is None or not stepper.scans:
+        if stepper is None:
+            raise self._missing(f"odometry {self._source!r}")
+        if not stepper.scans:
             raise SlamError(
                 f"{self._folder}: none of the scans lies within the time of odometry "
                 f"{self._source!r} ({run.outside} lie outside), nothing can be mapped; was one of "
@@ -190,10 +194,9 @@ class OnlineSlam:
         self.latency.note(update_s, age_s)
 
     def _missing(self, what: str) -> MissingStreamError:
-        topics = sorted({topic for new in self._early for topic in new.topics})
         return MissingStreamError(
             f"{self._folder}: its log has no {what}, nothing can be mapped; it has: "
-            f"{', '.join(topics) or 'nothing'}; is the recorder running?"
+            f"{', '.join(sorted(self._topics)) or 'nothing'}; is the recorder running?"
         )
 
 

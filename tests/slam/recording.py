@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -70,6 +71,7 @@ class Streams:
     gyro_noise_rad_s: float = 0.0
 
 
+@cache
 def messages(streams: Streams = Streams()) -> list[Message]:
     """Everything in the order of log time; the lidar tells a revolution when it is over."""
     odometry = told()

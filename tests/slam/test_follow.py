@@ -16,6 +16,7 @@ from capture.topics import LOG_NAME
 from dialogue import UsageError
 from slam.algorithms import Request, estimate_session
 from slam.cli import slam
+from slam.errors import SlamError
 from slam.follow import Clock, Followed, follow_session
 from slam.follow_display import Display
 from slam.online import Position
@@ -185,6 +186,22 @@ def test_what_is_missing_is_told_when_the_log_ends(
     content = [row for row in messages() if row[2] not in missing]
     with pytest.raises(MissingStreamError, match=message):
         follow_session(write(tmp_path / "run", content), Request(), "x", patience_s=0.0)
+
+
+@pytest.mark.parametrize(("words", "told"), [("zed", "'zed'"), ("imu+wheel", r"'imu\+wheel'")])
+def test_odometry_that_was_asked_for_and_never_came_is_told(
+    finished: Session, words: str, told: str
+) -> None:
+    with pytest.raises(MissingStreamError, match=f"no odometry {told}.*/vesc/odom"):
+        follow_session(finished, Request(odometry=words), "x", patience_s=0.0)
+
+
+def test_scans_of_another_time_are_told(tmp_path: Path) -> None:
+    content = [row for row in messages() if row[2] != "/vesc/odom" or row[0] < START_NS + S // 50]
+    late = [row for row in content if row[2] != "/lidar/points" or row[0] > START_NS + S]
+    session = write(tmp_path / "run", [row for row in late if row[2] != "/scan"])
+    with pytest.raises(SlamError, match="none of the scans lies within the time of odometry"):
+        follow_session(session, Request(), "x", patience_s=0.0)
 
 
 def test_a_log_that_never_comes_is_told(tmp_path: Path) -> None:

@@ -114,10 +114,10 @@ def test_a_preset_file_of_another_algorithm_is_refused(sessions: Path, tmp_path:
     refused = run("slam", sessions / "run0", "--preset", best, "--algorithm", "fastslam")
     assert isinstance(refused.exception, UsageError)
     assert "is a preset of ekf" in str(refused.exception)
-    best.write_text(best.read_text().replace("algorithm: ekf", "algoritm: ekf"))
+    best.write_text(best.read_text().replace("algorithm: ekf", "algo: ekf"))
     wrong = run("slam", sessions / "run0", "--preset", best)
     assert isinstance(wrong.exception, TracksideError)
-    assert "best.yaml:2:1: algoritm" in str(wrong.exception)
+    assert "best.yaml:2:1: algo" in str(wrong.exception)
     newer = tmp_path / "newer.yaml"
     newer.write_text("format: 2\nalgorithm: ekf\npreset: robust\n")
     refused = run("slam", sessions / "run0", "--preset", newer)
