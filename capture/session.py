@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cached_property
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from capture.log_reader import McapLog, RawMessages, Topic
     from capture.log_tail import LogTail
     from capture.session_writer import SessionWriter
+    from drivers.vesc import VescCalibration
 
 
 @dataclass(frozen=True)
@@ -170,6 +171,21 @@ class Session:
         from capture.log_columns import observation_columns
 
         return observation_columns(self._raw("landmark observations", RANGE_BEARING_TOPIC))
+
+    def motor_calibration(self) -> VescCalibration | None:
+        """What ties the motor controller's numbers to the car, as it was in force; None if unknown.
+
+        Raises `ConfigurationError` where `session.yaml` holds something else in its place.
+        """
+        rig = self.info.configuration.get("rig")
+        values = rig.get("vesc_calibration") if isinstance(rig, Mapping) else None
+        if not isinstance(values, Mapping):
+            return None
+        from capture.configuration import configuration_from_mapping
+        from drivers.vesc import VescCalibration
+
+        name = f"{self.folder}/{FILE_NAME}"
+        return configuration_from_mapping(VescCalibration, values, name)
 
     @property
     def has_ground_truth(self) -> bool:
