@@ -95,9 +95,11 @@ def slam(
         raise UsageError("expected a SESSION: trackside slam SESSION")
     from capture import Session
     from slam.algorithms import estimate_session
+    from slam.session_defaults import for_session
 
-    request = _request(preset, settings, choices)
-    recording, name = Session.open(session), name or request.algorithm
+    recording = Session.open(session)
+    request = for_session(_request(preset, settings, choices), recording)
+    name = name or request.algorithm
     if name in recording.estimates and not replace:
         raise UsageError(f"{session} has an estimate {name!r} already; give --name or --replace")
     if follow:

@@ -16,6 +16,7 @@ from capture import LogError, Session, TextFileError, software, write_text
 from dialogue import TracksideError
 from scoring import ERROR_NAMES, ScoreOptions, score
 from slam.algorithms import Request, estimate_session
+from slam.session_defaults import for_session
 
 _DECIDING_ROOMS = ("geometry", "capture", "slam", "scoring")
 _DECIDING_LIBRARIES = ("numpy", "numba", "scipy")
@@ -78,7 +79,7 @@ def run_job(job: Job) -> Outcome:
         )
     started_s = time.perf_counter()
     session = Session.open(Path(job.session))
-    estimate, _, _ = estimate_session(session, job.request, quiet=True)
+    estimate, _, _ = estimate_session(session, for_session(job.request, session), quiet=True)
     result = score(session.ground_truth(), estimate, job.options)
     errors = {name: result.errors.get(name) for name in ERROR_NAMES}
     return Outcome(result.total, errors, time.perf_counter() - started_s)

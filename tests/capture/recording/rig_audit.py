@@ -37,6 +37,7 @@ from drivers.port import Chunk
 from drivers.rplidar import RevolutionSplitter, UltraDecoder
 
 US_Q8 = 127 * 256
+INDEX_NS = US_Q8 * 125 / 32
 TAIL_BYTES = 4096
 """What a device may have sent after we were asked to stop."""
 
@@ -100,16 +101,18 @@ def _lidar(session: Session, emulated: Emulated, utc: UtcLine) -> Audit:
     assert session.log is not None
     held = _raw(session, RAW_LIDAR_TOPIC)
     missing = missing_bytes(held, emulated.sent["lidar"])
-    splitter = RevolutionSplitter(US_Q8)
-    turns = splitter.feed(UltraDecoder().feed(held))
+    turns = RevolutionSplitter(US_Q8).feed(UltraDecoder().feed(held))
     first, last = emulated.lidar_true_ns
+    true_ns = [first + turn.device_ns / INDEX_NS * (last - first) / LIDAR_SAMPLES for turn in turns]
+    starts_ns = np.array([times[0] for times in true_ns])
     scans = point_cloud_columns(session.log.read(POINTS_TOPIC))
     errors = []
     for k in np.flatnonzero(scans.t_ns >= _start_ns(session)).tolist():
-        index = turns[k].device_ns / (US_Q8 * 125 / 32)
-        true_ns = first + index * (last - first) / LIDAR_SAMPLES
         stamps = scans.beam_t_ns[scans.starts[k] : scans.starts[k + 1]] - utc.utc(0)
-        errors.append((stamps - true_ns) * 1e-9)
+        nearest = int(np.abs(starts_ns - stamps[0]).argmin())
+        # A turn that was torn while recording is whole in the raw bytes: then lengths may differ.
+        if len(true_ns[nearest]) == len(stamps):
+            errors.append((stamps - true_ns[nearest]) * 1e-9)
     return Audit("lidar", len(scans.t_ns), missing, np.concatenate(errors))
 
 
