@@ -278,6 +278,15 @@ def absorb_named(
     bearing_rad: Floats, t_ns: int, noise: Floats, limits: Floats,
 ) -> tuple[int, int, int, int, int]:  # fmt: skip
     """`absorb` where the sensor names its landmarks. No id, or one seen twice: ignored."""
+    slots = named_slots(records, n, landmark_id)
+    return absorb(
+        x, P, records, n, slots, landmark_id, range_m, bearing_rad, t_ns, noise, limits, 0
+    )
+
+
+@kernel
+def named_slots(records: Records, n: int, landmark_id: Slots) -> Slots:
+    """(m,): the landmark of each id, or `NEW`, or `IGNORED` (no id, or one seen twice)."""
     slots = np.full(landmark_id.size, NEW, dtype=np.int64)
     for i in range(slots.size):
         name = landmark_id[i]
@@ -291,9 +300,7 @@ def absorb_named(
                 if records[slot].landmark_id == name:
                     slots[i] = slot
                     break
-    return absorb(
-        x, P, records, n, slots, landmark_id, range_m, bearing_rad, t_ns, noise, limits, 0
-    )
+    return slots
 
 
 @kernel

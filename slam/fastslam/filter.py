@@ -21,7 +21,7 @@ from slam.fastslam.cloud import (
     offspring,
     resample,
 )
-from slam.fastslam.config import FastSlamConfig
+from slam.fastslam.config import FASTSLAM_PRESETS, FastSlamConfig
 from slam.fastslam.scan import (
     IGNORED,
     NEW,
@@ -32,7 +32,7 @@ from slam.fastslam.scan import (
     Scan,
     new_scratch,
 )
-from slam.interface import UpdateReport
+from slam.interface import Algorithm, UpdateReport
 
 FASTSLAM_ASSOCIATIONS = ("known", "likelihood")
 _DRAWS_AT_ONCE = 1 << 18
@@ -248,3 +248,6 @@ class FastSlam:
             n_seen=cloud.seen[best, used].astype(np.int64),
             t_first_ns=self._births.first_near(positions, record.t_ns, self.config.same_place_m),
         )
+
+
+FASTSLAM = Algorithm(FASTSLAM_PRESETS, FASTSLAM_ASSOCIATIONS, FastSlam)
