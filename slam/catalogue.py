@@ -20,6 +20,7 @@ _OURS = {
     "ekf-fej": "slam.gaussian.filter:FEJ",
     "ukf": "slam.gaussian.filter:UKF",
     "fastslam": "slam.fastslam.filter:FASTSLAM",
+    "fastslam2": "slam.fastslam2.filter:FASTSLAM2",
 }
 
 
