@@ -21,6 +21,7 @@ _OURS = {
     "ukf": "slam.gaussian.filter:UKF",
     "fastslam": "slam.fastslam.filter:FASTSLAM",
     "fastslam2": "slam.fastslam2.filter:FASTSLAM2",
+    "smoother": "slam.smoother.filter:SMOOTHER",
 }
 
 

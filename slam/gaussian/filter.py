@@ -78,7 +78,8 @@ class GaussianSlam(EkfSlam):
         self._entered(entered)
         counts = matched, added, against.size, invalid, over_limit
         report = self._report(counts, slots.size)
-        self.names = np.where(slots >= 0, self._records["landmark_id"][slots], -1)
+        called = self._records["landmark_id"][np.maximum(slots, 0)]
+        self.names = np.where(slots >= 0, called, -1)
         return report
 
 
