@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from geometry import Floats
 from slam.errors import SlamError
-from slam.gaussian.filter import GAUSSIAN_ASSOCIATIONS, FejSlam
+from slam.gaussian.filter import GAUSSIAN_ASSOCIATIONS, UkfSlam
 from slam.interface import Algorithm, UpdateReport
 from slam.smoother.config import SMOOTHER_PRESETS, SmootherConfig
 from slam.smoother.history import History
@@ -18,15 +18,15 @@ from slam.smoothing.smoother import minimised
 _COLUMNS_AT_ONCE = 64
 
 
-class SmootherSlam(FejSlam):
+class SmootherSlam(UkfSlam):
     """All poses and landmarks that fit all data best, solved whenever enough has come since.
 
-    In between the EKF with first-estimate Jacobians goes on from the last solution: it associates,
-    places new landmarks, gives up others, and tells the pose. A solution becomes its state, with
-    the covariance of the last pose and all landmarks, and its new first estimates; so what has been
-    linearised badly is linearised again. What was once associated stays so, but a robust loss lets
-    go of what does not fit (Dellaert and Kaess, IJRR 25, 2006, for the whole; `slam.smoothing` for
-    the solution).
+    In between UKF-SLAM, the most consistent of the filters (benchmarks/algorithms.py), goes on from
+    the last solution: it associates, places new landmarks, gives up others, and tells the pose. A
+    solution becomes its state, with the covariance of the last pose and all landmarks; so what has
+    been linearised badly is linearised again. What was once associated stays so, but a robust loss
+    lets go of what does not fit (Dellaert and Kaess, IJRR 25, 2006, for the whole;
+    `slam.smoothing` for the solution).
     """
 
     def __init__(self, config: SmootherConfig, association: str) -> None:
@@ -74,7 +74,6 @@ class SmootherSlam(FejSlam):
         state = np.concatenate([[0, 1, 2], columns])
         self._x[state] = np.concatenate([solution.poses[-1], solution.landmarks.ravel()])
         self._P[np.ix_(state, state)] = P
-        self._first[:] = self._x
 
 
 def joint_covariance(normal: Normal, factors: Factors) -> Floats:

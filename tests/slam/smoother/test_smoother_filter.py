@@ -9,7 +9,7 @@ from capture import Observations, Odometry
 from geometry import Floats, compose, wrap
 from slam.config import PRESETS
 from slam.errors import SlamError
-from slam.gaussian.filter import FejSlam
+from slam.gaussian.filter import UkfSlam
 from slam.run import run_slam
 from slam.smoother import filter as smoother
 from slam.smoother.config import SMOOTHER_PRESETS, SmootherConfig
@@ -128,7 +128,7 @@ def test_it_takes_back_what_a_filter_cannot() -> None:
     ahead = dataclasses.replace(PRESETS["robust"], innovation_gate=1e9, relocate_after=0)
     whole = dataclasses.replace(CONFIG, innovation_gate=1e9, relocate_after=0)
     off = []
-    for slam in (FejSlam(ahead, "known"), SmootherSlam(whole, "known")):
+    for slam in (UkfSlam(ahead, "known"), SmootherSlam(whole, "known")):
         run_slam(slam, odometry, mistaken, name="x")
         landmarks = slam.estimated_map().landmarks
         off.append(np.hypot(*(landmarks.positions - CONES[landmarks.ids]).T).max())
