@@ -134,7 +134,7 @@ def test_each_algorithm_makes_an_estimate_that_tells_how(session: Path, name: st
     assert done.exit_code == 0, done.exception
     estimate = Session.open(session).estimate(name)
     assert estimate.map is not None
-    np.testing.assert_allclose(estimate.map.landmarks.positions, [[2, 1], [2, -1]], atol=0.02)
+    np.testing.assert_allclose(estimate.map.landmarks.positions, [[2, 1], [2, -1]], atol=0.1)
     told = estimate.provenance
     assert (told["algorithm"], told["preset"], told["seed"]) == (name, "robust", 0)
     assert isinstance(told["config"], dict)
