@@ -122,6 +122,19 @@ class EkfConfig:
 
 _SQRT_15_HZ = math.sqrt(15.0)
 
+ROBUST_MOTION = MotionNoise(
+    xy_sigma_m_per_sqrt_s=0.01,
+    heading_sigma_rad_per_sqrt_s=0.03,
+    alpha1=0.1,
+    alpha2_rad2_per_m2=0.005,
+    alpha3=0.02,
+    alpha4_m2_per_rad2=0.0005,
+)
+"""For cars and robots whose odometry nobody measured: its error grows with what was driven."""
+ROBUST_OBSERVATION = ObservationNoise(
+    range_sigma_m=0.04, bearing_sigma_rad=math.radians(1.0), range_sigma_per_m=0.05
+)
+
 PRESETS = {
     # Thesis section 3.2.4, Eq. 3.11, read as standard deviations in m and degrees per 15 Hz update
     # (the reading whose consistency holds), one threshold 5.991 for old and new.
@@ -138,17 +151,8 @@ PRESETS = {
     # One set for cars and robots whose noise nobody measured: error grows with what was driven and
     # with the range, outliers are bounded, and a grey zone keeps good sightings from spawning.
     "robust": EkfConfig(
-        motion=MotionNoise(
-            xy_sigma_m_per_sqrt_s=0.01,
-            heading_sigma_rad_per_sqrt_s=0.03,
-            alpha1=0.01,
-            alpha2_rad2_per_m2=0.005,
-            alpha3=0.02,
-            alpha4_m2_per_rad2=0.0001,
-        ),
-        observation=ObservationNoise(
-            range_sigma_m=0.04, bearing_sigma_rad=math.radians(1.0), range_sigma_per_m=0.05
-        ),
+        motion=ROBUST_MOTION,
+        observation=ROBUST_OBSERVATION,
         accept_gate=9.21,
         spawn_gate=25.0,
         innovation_gate=100.0,

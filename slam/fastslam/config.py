@@ -5,7 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from slam.config import UNLIMITED, MotionNoise, ObservationNoise
+from slam.config import (
+    ROBUST_MOTION,
+    ROBUST_OBSERVATION,
+    UNLIMITED,
+    MotionNoise,
+    ObservationNoise,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,18 +101,8 @@ FASTSLAM_PRESETS = {
     # error (3.1 to 3.5 cm, 20 seeds); from 500 on no lap in twenty was off by more than 7.5 cm.
     # 0.05 per m and rad is one clutter or new cone in two scans over 2 m and the full circle.
     "robust": FastSlamConfig(
-        # More noise in turning than the EKF's: what no particle proposes can never be found.
-        motion=MotionNoise(
-            xy_sigma_m_per_sqrt_s=0.01,
-            heading_sigma_rad_per_sqrt_s=0.03,
-            alpha1=0.1,
-            alpha2_rad2_per_m2=0.005,
-            alpha3=0.02,
-            alpha4_m2_per_rad2=0.0005,
-        ),
-        observation=ObservationNoise(
-            range_sigma_m=0.04, bearing_sigma_rad=math.radians(1.0), range_sigma_per_m=0.05
-        ),
+        motion=ROBUST_MOTION,
+        observation=ROBUST_OBSERVATION,
         removal=Removal(
             seen_from_m=0.58,
             seen_to_m=1.43,
