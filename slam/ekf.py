@@ -26,7 +26,7 @@ class EkfSlam:
 
     `predict` then `update`, as often as data come. With `association="known"` the ids of the
     observations name the landmarks; with "nearest" and "jcbb" they are ignored, landmarks are
-    numbered in the order of their appearance, confirmed and given up by `config.landmarks`.
+    numbered in the order of their appearance, believed and given up by `config.landmarks`.
     Memory grows by doubling.
     """
 
@@ -129,8 +129,8 @@ class EkfSlam:
     ) -> int:
         """Weigh the evidence of a scan; how many landmarks it cost."""
         gone = landmarks.weigh(
-            self._records, self._n, slots, due, distances, range_m, bearing_rad,
-            self.config.spawn_gate, self._rules,
+            self._x, self._records, self._n, slots, due, distances, range_m, bearing_rad,
+            self._noise, self.config.spawn_gate, self._rules,
         )  # fmt: skip
         for slot in gone[::-1].tolist():
             self._remove(slot)
@@ -167,13 +167,13 @@ class EkfSlam:
     def estimated_map(self) -> EstimatedMap:
         """The landmarks now, each with its covariance and how it entered.
 
-        Those seen less than `min_seen` times, or without a name and not confirmed yet, stay in the
-        state but are not reported.
+        Those seen less than `min_seen` times, or without a name and not believed, stay in the state
+        but are not reported.
         """
         records = self._records[: self._n]
         believed = records["n_seen"] >= self.config.min_seen
         if self.association != "known":
-            believed &= records["confirmed"] == 1
+            believed &= records["log_odds"] >= self.config.landmarks.confirm_log_odds
         slots = np.flatnonzero(believed)
         records = records[slots]
         x, y = 3 + 2 * slots, 4 + 2 * slots

@@ -333,7 +333,7 @@ def enter(
     """Begin the landmark of a slot with the one observation that sees it now."""
     record = records[slot]
     record.landmark_id, record.t_added_ns, record.n_seen = name, t_ns, 1
-    record.rejected_in_a_row, record.sightings, record.confirmed = 0, 0, 0
+    record.rejected_in_a_row = 0
     record.x_added_m, record.y_added_m = x[0], x[1]
     record.range_added_m, record.log_odds = range_m, 0.0
     place_landmark(x, P, dimension, slot, range_m, bearing_rad, noise)

@@ -76,7 +76,7 @@ class FastSlam2(FastSlam):
         return best
 
     def _make_room(self, m: int) -> None:
-        most, room = self.config.max_landmarks, self._cloud.evidence.shape[1]
+        most, room = self.config.landmarks.max_landmarks, self._cloud.evidence.shape[1]
         needed = min(int(self._cloud.landmarks.max()) + m, most)
         if needed > room:
             self._cloud = grown(self._cloud, min(max(needed, 2 * room), most))

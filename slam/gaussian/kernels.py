@@ -201,7 +201,7 @@ def enter(
 def begin(record, name: int, range_m: float, t_ns: int, x: Floats) -> None:  # type: ignore[no-untyped-def]  # numba's record
     """What is kept of a landmark that is seen for the first time, by a car at x."""
     record.landmark_id, record.t_added_ns, record.n_seen = name, t_ns, 1
-    record.rejected_in_a_row, record.sightings, record.confirmed = 0, 0, 0
+    record.rejected_in_a_row = 0
     record.x_added_m, record.y_added_m = x[0], x[1]
     record.range_added_m, record.log_odds = range_m, 0.0
 
