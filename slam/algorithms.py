@@ -100,11 +100,11 @@ def _association(session: Session, observations: Observations, request: Request)
     """The rule in force; raises `UsageError` where it asks for names that nobody gave."""
     named = bool(np.any(observations.landmark_id >= 0))
     known, *others = ALGORITHMS[request.algorithm].associations
-    chosen = request.association or (known if named else others[0])
+    chosen = request.association or (known if named else [*others, known][0])
     if chosen == known and not named:
         raise UsageError(
             f"{session.folder}: its observations do not name their landmarks, --association known "
-            f"cannot be; use {' or '.join(others)}"
+            f"cannot be; use {' or '.join(others) or 'another algorithm'}"
         )
     if request.smooth and chosen != known:
         raise UsageError("--smooth needs --association known: it must know which sighting is whose")

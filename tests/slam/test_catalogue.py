@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from click.testing import CliRunner
 
@@ -35,6 +36,17 @@ def install(folder: Path, name: str, entries: str, **modules: str) -> None:
         (folder / f"{module}.py").write_text(text)
 
 
+def recorded(folder: Path, landmark_id: npt.NDArray[np.int64]) -> Path:
+    """A drive of three poses with two sightings."""
+    t_ns, session = S + np.arange(3) * S, folder / "run"
+    poses = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, np.pi / 2], [1.0, 1.0, np.pi / 2]])
+    seen = np.array([2.0, 1.0]), np.array([0.0, -np.pi / 2])
+    with Session.create(session, SessionInfo()) as writer:
+        writer.add_odometry(Odometry("wheel", t_ns, poses, np.ones(3), np.zeros(3)))
+        writer.add_observations(Observations(t_ns[1:], landmark_id, *seen))
+    return session
+
+
 @pytest.fixture
 def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A folder that packages are installed into."""
@@ -58,16 +70,7 @@ def documented(site: Path) -> Path:
 
 @pytest.mark.usefixtures("documented")
 def test_the_documented_algorithm_runs_through_the_command(tmp_path: Path) -> None:
-    t_ns = S + np.arange(3) * S
-    poses = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, np.pi / 2], [1.0, 1.0, np.pi / 2]])
-    session = tmp_path / "run"
-    with Session.create(session, SessionInfo()) as writer:
-        writer.add_odometry(Odometry("wheel", t_ns, poses, np.ones(3), np.zeros(3)))
-        writer.add_observations(
-            Observations(
-                t_ns[1:], np.array([7, 9]), np.array([2.0, 1.0]), np.array([0.0, -np.pi / 2])
-            )
-        )
+    session = recorded(tmp_path, np.array([7, 9]))
     done = CliRunner().invoke(slam, [str(session), "--algorithm", "dead-reckoning"])
     assert done.exit_code == 0, done.exception
     estimate = Session.open(session).estimate("dead-reckoning")
@@ -77,6 +80,15 @@ def test_the_documented_algorithm_runs_through_the_command(tmp_path: Path) -> No
     np.testing.assert_allclose(estimate.path.poses[-1], [1.0, 1.0, np.pi / 2], atol=1e-6)
     assert estimate.provenance["distribution"] == "dead-reckoner 1.2"
     assert estimate.provenance["algorithm"] == "dead-reckoning"
+
+
+@pytest.mark.usefixtures("documented")
+def test_one_that_must_be_told_names_says_so_where_there_are_none(tmp_path: Path) -> None:
+    session = recorded(tmp_path, np.array([-1, -1]))
+    refused = CliRunner().invoke(slam, [str(session), "--algorithm", "dead-reckoning"])
+    assert isinstance(refused.exception, UsageError)
+    assert "do not name their landmarks" in str(refused.exception)
+    assert "use another algorithm" in str(refused.exception)
 
 
 @pytest.mark.usefixtures("documented")
