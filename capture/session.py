@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,12 +19,14 @@ from capture.result_files import (
     write_ground_truth,
 )
 from capture.session_info import FILE_NAME, SessionInfo, read_session_info
-from capture.streams import Imu, Observations, Odometry, Scans, VescState
+from capture.streams import Drive, Imu, Observations, Odometry, Scans, VescState
 from capture.topics import (
+    DRIVE_TOPIC,
     IMU_TOPIC,
     LOG_NAME,
     ODOMETRY_SUFFIX,
     ODOMETRY_TYPE,
+    POINTS_TOPIC,
     PREFERRED_SOURCES,
     RANGE_BEARING_TOPIC,
     SCAN_TOPIC,
@@ -35,6 +37,7 @@ from capture.topics import (
 
 if TYPE_CHECKING:
     from capture.log_reader import McapLog, RawMessages, Topic
+    from capture.log_tail import LogTail
     from capture.session_writer import SessionWriter
 
 
@@ -73,6 +76,12 @@ class Session:
 
         file = self.folder / LOG_NAME
         return McapLog(file) if file.exists() else None
+
+    def log_tail(self) -> LogTail:
+        """A reader of the log while it is being recorded; it need not exist yet."""
+        from capture.log_tail import LogTail
+
+        return LogTail(self.folder / LOG_NAME)
 
     @property
     def topics(self) -> tuple[Topic, ...]:
@@ -114,7 +123,7 @@ class Session:
     @property
     def has_scans(self) -> bool:
         """Whether there are lidar revolutions."""
-        return self._has(SCAN_TOPIC)
+        return self._has(POINTS_TOPIC) or self._has(SCAN_TOPIC)
 
     @property
     def has_observations(self) -> bool:
@@ -122,7 +131,11 @@ class Session:
         return self._has(RANGE_BEARING_TOPIC)
 
     def scans(self) -> Scans:
-        """Lidar revolutions."""
+        """Lidar revolutions; of `/lidar/points`, which has each beam's own time, else `/scan`."""
+        if self._has(POINTS_TOPIC):
+            from capture.point_cloud import point_cloud_columns
+
+            return point_cloud_columns(self._raw("lidar points", POINTS_TOPIC))
         from capture.log_columns import scan_columns
 
         return scan_columns(self._raw("lidar scans", SCAN_TOPIC))
@@ -138,6 +151,12 @@ class Session:
         from capture.log_columns import vesc_state_columns
 
         return vesc_state_columns(self._raw("motor controller telemetry", VESC_STATE_TOPIC))
+
+    def drive(self) -> Drive:
+        """What the car was told to do."""
+        from capture.log_columns import drive_columns
+
+        return drive_columns(self._raw("drive commands", DRIVE_TOPIC))
 
     def observations(self) -> Observations:
         """Ranges and bearings of landmarks that the data set brought along."""
@@ -187,6 +206,12 @@ class Session:
     def score_file(self, name: str) -> Path:
         """Where the score of an estimate stands, or would stand."""
         return self.folder / "scores" / f"{checked_name(name)}.json"
+
+    @property
+    def deciding_files(self) -> tuple[Path, ...]:
+        """The files that decide what can be made of the session: its log and its truth."""
+        files = (self.folder / LOG_NAME, *sorted(self._truth_folder.glob("*")))
+        return tuple(file for file in files if file.is_file())
 
     @property
     def calibrations(self) -> tuple[Path, ...]:
@@ -241,6 +266,11 @@ def list_sessions(folder: Path) -> tuple[Path, ...]:
             "trackside import made"
         )
     return tuple(found)
+
+
+def preferred_source(sources: Iterable[str]) -> str | None:
+    """The odometry to take where nobody asked for one."""
+    return min(sources, key=_preference, default=None)
 
 
 def _preference(source: str) -> tuple[int, str]:
