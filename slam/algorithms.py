@@ -2,48 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
 from io import StringIO
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from capture import Estimate, Observations, Odometry, Session, with_overrides
 from dialogue import Progress, UsageError, nearest_names
+from slam.catalogue import ALGORITHMS
 from slam.cones.config import ConeConfig, cone_config
-from slam.config import PRESETS
-from slam.ekf import ASSOCIATIONS, EkfSlam
-from slam.fastslam.config import FASTSLAM_PRESETS
-from slam.fastslam.filter import FASTSLAM_ASSOCIATIONS, FastSlam
-from slam.interface import Slam
+from slam.interface import Configuration, Slam
 from slam.run import RunReport, run_slam
 from slam.smoothing.config import SmoothingConfig
 from slam.sources import IMU_PREFIX, TACHOMETER, SourceConfig, odometry_of
 
 CONES, ODOMETRY = "cones.", "odometry."
 """Settings that begin so are those of the cone finder and of the source of odometry."""
-
-
-@dataclass(frozen=True)
-class Algorithm:
-    """How an algorithm is configured and made.
-
-    presets : by name, frozen dataclasses with at least `motion`, `observation`, `accept_gate`,
-    `spawn_gate` and `path_period_s`; make : from configuration, association and seed.
-    """
-
-    presets: Mapping[str, Any]
-    associations: tuple[str, ...]
-    make: Callable[[Any, str, int], Slam]
-
-
-ALGORITHMS = {
-    "ekf": Algorithm(PRESETS, ASSOCIATIONS, lambda config, words, _: EkfSlam(config, words)),
-    "fastslam": Algorithm(FASTSLAM_PRESETS, FASTSLAM_ASSOCIATIONS, FastSlam),
-}
-"""Add yours here: one class with the members of `slam.interface.Slam`, one line."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,10 +45,11 @@ class Request:
         if self.association is not None:
             _one_of("--association", self.association, chosen.associations)
 
-    def config(self) -> Any:
+    def config(self) -> Configuration:
         """The preset with the settings on top; raises `UsageError` for names or values."""
         own = [text for text in self.settings if not text.startswith((CONES, ODOMETRY))]
-        config = with_overrides(ALGORITHMS[self.algorithm].presets[self.preset], own)
+        preset: Configuration = ALGORITHMS[self.algorithm].presets[self.preset]
+        config = with_overrides(preset, own)
         if 0.0 < config.spawn_gate < config.accept_gate < np.inf:
             raise UsageError(
                 f"spawn_gate {config.spawn_gate} is below accept_gate {config.accept_gate}: an "
@@ -94,11 +71,11 @@ class Request:
         Raises `UsageError` where it asks for names that nobody gave.
         """
         known, *others = ALGORITHMS[self.algorithm].associations
-        chosen = self.association or (known if named else others[0])
+        chosen = self.association or (known if named else [*others, known][0])
         if chosen == known and not named:
             raise UsageError(
                 f"{folder}: its observations do not name their landmarks, --association known "
-                f"cannot be; use {' or '.join(others)}"
+                f"cannot be; use {' or '.join(others) or 'another algorithm'}"
             )
         if self.smooth and chosen != known:
             raise UsageError(
@@ -116,6 +93,8 @@ class Request:
         """Every choice that makes the estimate, as it is stored with it."""
         choices = {key: value for key, value in asdict(self).items() if key != "settings"}
         made = {"association": association, "odometry": source, "config": asdict(self.config())}
+        if plugin := ALGORITHMS.distribution(self.algorithm):
+            made["distribution"] = plugin
         if cones:
             made["cones"] = asdict(self.cone_config())
         own = self._settings_of(ODOMETRY)
@@ -173,7 +152,7 @@ def _observations(
 
 
 def _smoothed(
-    estimate: Estimate, driven: Odometry, observations: Observations, config: Any
+    estimate: Estimate, driven: Odometry, observations: Observations, config: Configuration
 ) -> Estimate:
     from slam.smoothing.smoother import smooth
 
@@ -189,9 +168,10 @@ def _smoothed(
     )
 
 
-def _one_of(flag: str, word: str, valid: Sequence[str] | Mapping[str, object]) -> None:
-    if word not in valid:
-        raise UsageError(f"{flag} {word}: {nearest_names(word, valid)}")
+def _one_of(flag: str, word: str, valid: Iterable[str]) -> None:
+    names = list(valid)
+    if word not in names:
+        raise UsageError(f"{flag} {word}: {nearest_names(word, names)}")
 
 
 def _compile(slam: Slam) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dialogue import UsageError
+from slam.catalogue import ALGORITHMS
 
 if TYPE_CHECKING:
     from capture import Estimate
@@ -16,14 +17,22 @@ if TYPE_CHECKING:
     from slam.run import RunReport
 
 
+class _AlgorithmOption(click.Option):
+    """An option whose help names the algorithms there are, once it is asked for."""
+
+    def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
+        self.help = f"{', '.join(ALGORITHMS)}.  [default: ekf]"
+        return super().get_help_record(ctx)
+
+
 @click.command("slam")
 @click.argument("session", type=click.Path(path_type=Path), required=False)
-@click.option("--algorithm", metavar="NAME", help="ekf or fastslam.  [default: ekf]")
+@click.option("--algorithm", cls=_AlgorithmOption, metavar="NAME")
 @click.option(
     "--association",
     metavar="RULE",
-    help="Whose a sighting is. known: the sensor names its landmarks; for ekf nearest or jcbb "
-    "(joint compatibility), for fastslam likelihood.  [default: known where they have ids, else "
+    help="Whose a sighting is. known: the sensor names its landmarks; nearest, for ekf also jcbb "
+    "(joint compatibility); for fastslam likelihood.  [default: known where they have ids, else "
     "nearest or likelihood]",
 )
 @click.option(
@@ -47,7 +56,9 @@ if TYPE_CHECKING:
     help="vesc, wheel, zed, viso, ..., or tachometer (counted distance, commanded steering); "
     "imu+SOURCE takes its turning from the gyro.",
 )
-@click.option("--seed", default=0, show_default=True, help="Of the random numbers of fastslam.")
+@click.option(
+    "--seed", default=0, show_default=True, help="Of the random numbers of fastslam, fastslam2."
+)
 @click.option("--smooth", is_flag=True, help="Refine path and map with all data at once.")
 @click.option("--name", help="Name of the estimate.  [default: the algorithm's]")
 @click.option("--replace", is_flag=True, help="Replace an estimate of that name.")

@@ -13,7 +13,8 @@ from pathlib import Path
 from capture import Arrived, Estimate, MissingStreamError, preferred_source
 from dialogue import UsageError
 from geometry import Floats
-from slam.algorithms import ALGORITHMS, Request
+from slam.algorithms import Request
+from slam.catalogue import ALGORITHMS
 from slam.errors import SlamError
 from slam.latency import Latency
 from slam.live_gyro import LiveGyroAided
@@ -69,7 +70,7 @@ class OnlineSlam:
         self._request, self._folder, self._now_ns = request, folder, now_ns
         self._config = request.config()
         # Not when the first scan waits.
-        request.made(request.association or ALGORITHMS[request.algorithm].associations[1])
+        request.made(request.association or ALGORITHMS[request.algorithm].associations[:2][-1])
         compile_cone_finder(request.cone_config())
         self._watching_since_ns = now_ns()
         self._cpu_s = 0.0

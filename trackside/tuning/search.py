@@ -10,7 +10,8 @@ from typing import Any
 from capture import MissingStreamError, Session, list_sessions
 from dialogue import UsageError
 from scoring import ScoreOptions
-from slam.algorithms import ALGORITHMS, Request
+from slam.algorithms import Request
+from slam.catalogue import ALGORITHMS
 from trackside.tuning.jobs import Failure, Job, Outcome, ResultStore, full_software, session_digest
 from trackside.tuning.plan import Plan, Trial, seed_matters
 from trackside.tuning.ranking import Run
