@@ -17,7 +17,7 @@ from slam.fastslam.config import FASTSLAM_PRESETS
 from slam.fastslam.filter import FASTSLAM_ASSOCIATIONS, FastSlam
 from slam.interface import Slam
 from slam.run import RunReport, run_slam
-from slam.smoothing.config import SmoothingConfig
+from slam.smoothing.config import SmoothingConfig, UnnamedConfig
 from slam.sources import odometry_of
 
 CONES = "cones."
@@ -113,7 +113,9 @@ def estimate_session(
     if source.gyro_bias_rad_s is not None or source.source_gaps:
         notes.append(str(source))
     if request.smooth:
-        estimate = _smoothed(estimate, driven, observations, config)
+        known = ALGORITHMS[request.algorithm].associations[0]
+        named = association == known
+        estimate = _smoothed(estimate, driven, observations, config, named)
     return estimate, report, notes
 
 
@@ -127,8 +129,6 @@ def _association(session: Session, observations: Observations, request: Request)
             f"{session.folder}: its observations do not name their landmarks, --association known "
             f"cannot be; use {' or '.join(others)}"
         )
-    if request.smooth and chosen != known:
-        raise UsageError("--smooth needs --association known: it must know which sighting is whose")
     return chosen
 
 
@@ -147,20 +147,20 @@ def _observations(
 
 
 def _smoothed(
-    estimate: Estimate, driven: Odometry, observations: Observations, config: Any
+    estimate: Estimate, driven: Odometry, observations: Observations, config: Any, named: bool
 ) -> Estimate:
+    """The final pass, which finds out whose sightings are whose where nobody named them."""
     from slam.smoothing.smoother import smooth
+    from slam.smoothing.unnamed import smooth_unnamed
 
+    noise = replace(SmoothingConfig(), motion=config.motion, observation=config.observation)
+    if not named:
+        unnamed = replace(UnnamedConfig(), smoothing=noise)
+        return smooth_unnamed(estimate, driven, observations, unnamed)
     assert estimate.map is not None
     ids = observations.landmark_id
     mapped = np.isin(ids, estimate.map.landmarks.ids)
-    return smooth(
-        estimate,
-        driven,
-        observations,
-        np.where(mapped, ids, -1),
-        replace(SmoothingConfig(), motion=config.motion, observation=config.observation),
-    )
+    return smooth(estimate, driven, observations, np.where(mapped, ids, -1), noise)
 
 
 def _one_of(flag: str, word: str, valid: Sequence[str] | Mapping[str, object]) -> None:
