@@ -211,7 +211,7 @@ def weigh(
                 believed = records[slot].log_odds >= rules[CONFIRM]
                 if believed and distances[i, slot] <= spawn_gate:
                     excused[slot] = True
-    gone = np.zeros(n, dtype=np.bool_)
+    gone, known = np.zeros(n, dtype=np.bool_), eye.copy()
     for slot in range(before):
         record, bearing = records[slot], due[slot, 1]
         believed = record.log_odds >= rules[CONFIRM]
@@ -229,7 +229,7 @@ def weigh(
             if believed:
                 note(eye, bearing, False)
             if rules[LEARNS] > 0.0:
-                probability *= share(eye, bearing, believed)
+                probability *= share(known, bearing, believed)
             record.log_odds -= loss(probability, rules)
             gone[slot] = record.log_odds < rules[REMOVE_BELOW]
     return np.flatnonzero(gone)
