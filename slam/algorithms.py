@@ -15,7 +15,7 @@ from slam.catalogue import ALGORITHMS
 from slam.cones.config import ConeConfig, cone_config
 from slam.interface import Configuration, Slam
 from slam.run import RunReport, run_slam
-from slam.smoothing.config import SmoothingConfig
+from slam.smoothing.config import SmoothingConfig, UnnamedConfig
 from slam.sources import IMU_PREFIX, TACHOMETER, SourceConfig, odometry_of
 
 CONES, ODOMETRY = "cones.", "odometry."
@@ -77,10 +77,6 @@ class Request:
                 f"{folder}: its observations do not name their landmarks, --association known "
                 f"cannot be; use {' or '.join(others) or 'another algorithm'}"
             )
-        if self.smooth and chosen != known:
-            raise UsageError(
-                "--smooth needs --association known: it must know which sighting is whose"
-            )
         return chosen
 
     def made(self, association: str) -> Slam:
@@ -135,7 +131,9 @@ def estimate_session(
     if source.remarkable:
         notes.append(str(source))
     if request.smooth:
-        estimate = _smoothed(estimate, driven, observations, config)
+        known = ALGORITHMS[request.algorithm].associations[0]
+        named = association == known
+        estimate = _smoothed(estimate, driven, observations, config, named)
     return estimate, report, notes
 
 
@@ -152,20 +150,24 @@ def _observations(
 
 
 def _smoothed(
-    estimate: Estimate, driven: Odometry, observations: Observations, config: Configuration
+    estimate: Estimate,
+    driven: Odometry,
+    observations: Observations,
+    config: Configuration,
+    named: bool,
 ) -> Estimate:
+    """The final pass, which finds out whose sightings are whose where nobody named them."""
     from slam.smoothing.smoother import smooth
+    from slam.smoothing.unnamed import smooth_unnamed
 
+    noise = replace(SmoothingConfig(), motion=config.motion, observation=config.observation)
+    if not named:
+        unnamed = replace(UnnamedConfig(), smoothing=noise)
+        return smooth_unnamed(estimate, driven, observations, unnamed)
     assert estimate.map is not None
     ids = observations.landmark_id
     mapped = np.isin(ids, estimate.map.landmarks.ids)
-    return smooth(
-        estimate,
-        driven,
-        observations,
-        np.where(mapped, ids, -1),
-        replace(SmoothingConfig(), motion=config.motion, observation=config.observation),
-    )
+    return smooth(estimate, driven, observations, np.where(mapped, ids, -1), noise)
 
 
 def _one_of(flag: str, word: str, valid: Iterable[str]) -> None:

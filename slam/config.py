@@ -83,6 +83,8 @@ class LandmarkRules:
     far_possible_m: float = field(default=UNLIMITED, metadata={"min": 0.0})
     field_of_view_rad: float = field(default=math.tau, metadata={"min": 0.0, "max": math.tau})
     """Whole angle, centred on the car's heading."""
+    learns_field_of_view: bool = False
+    """Whether the field of view is also learnt: where nothing is ever seen absence says nothing."""
     occluder_radius_m: float = field(default=0.0, metadata={"min": 0.0})
     """What stands before a landmark, within this of the line of sight, may hide it; 0 never."""
     spacing_m: float = field(default=0.0, metadata={"min": 0.0})
@@ -156,6 +158,7 @@ ROBUST_LANDMARKS = LandmarkRules(
     near_certain_m=0.574,
     far_certain_m=1.433,
     far_possible_m=1.910,
+    learns_field_of_view=True,
     occluder_radius_m=0.1,
     spacing_m=0.15,
 )

@@ -14,6 +14,7 @@ from slam import landmarks, motion, observation
 from slam.association import expectations, nearest_compatible, squared_distances
 from slam.config import PRESETS, EkfConfig
 from slam.errors import SlamError
+from slam.eyesight import new_eye
 from slam.interface import Algorithm, UpdateReport
 from slam.jcbb import joint_compatible, joint_gates
 from slam.landmarks import Slots
@@ -39,7 +40,7 @@ class EkfSlam:
         self._departed = landmarks.Departed(config.landmarks.same_place_m)
         self._motion_noise = motion.noise_array(config.motion)
         self._noise = observation.noise_array(config.observation)
-        self._rules = landmarks.rules_array(config.landmarks)
+        self._rules, self._eye = landmarks.rules_array(config.landmarks), new_eye()
         self._limits = np.array(
             [
                 config.innovation_gate,
@@ -130,7 +131,7 @@ class EkfSlam:
         """Weigh the evidence of a scan; how many landmarks it cost."""
         gone = landmarks.weigh(
             self._x, self._records, self._n, slots, due, distances, range_m, bearing_rad,
-            self._noise, self.config.spawn_gate, self._rules,
+            self._noise, self.config.spawn_gate, self._rules, self._eye,
         )  # fmt: skip
         for slot in gone[::-1].tolist():
             self._remove(slot)

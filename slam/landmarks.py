@@ -16,6 +16,7 @@ import numpy.typing as npt
 from geometry import Floats, Stamps
 from slam.association import IGNORED, OVER_LIMIT, usable
 from slam.config import LandmarkRules
+from slam.eyesight import note, share
 from slam.kernels import kernel, wrapped
 from slam.observation import variances
 
@@ -37,13 +38,13 @@ Flags = npt.NDArray[np.bool_]
 
 (
     START, CONFIRM, REMOVE_BELOW, MOST, CLUTTER, DETECTION, FALSE_MATCH, NEAR_POSSIBLE,
-    NEAR_CERTAIN, FAR_CERTAIN, FAR_POSSIBLE, FIELD_OF_VIEW, OCCLUDER, SPACING,
-) = range(14)  # fmt: skip
+    NEAR_CERTAIN, FAR_CERTAIN, FAR_POSSIBLE, FIELD_OF_VIEW, LEARNS, OCCLUDER, SPACING,
+) = range(15)  # fmt: skip
 """Where each rule stands in `rules_array`."""
 
 
 def rules_array(rules: LandmarkRules) -> Floats:
-    """The rules as the kernels take them, (14,)."""
+    """The rules as the kernels take them, (15,)."""
     return np.array(
         [
             rules.start_log_odds,
@@ -58,6 +59,7 @@ def rules_array(rules: LandmarkRules) -> Floats:
             rules.far_certain_m,
             rules.far_possible_m,
             rules.field_of_view_rad,
+            float(rules.learns_field_of_view),
             rules.occluder_radius_m,
             rules.spacing_m,
         ]
@@ -189,12 +191,14 @@ def reward(
 def weigh(
     x: Floats, records: Records, n: int, slots: Slots, due: Floats, distances: Floats,
     range_m: Floats, bearing_rad: Floats, noise: Floats, spawn_gate: float, rules: Floats,
+    eye: Floats,
 ) -> Slots:  # fmt: skip
     """Take one scan's evidence on the n landmarks; gives the slots to give up, ascending.
 
-    slots : (m,) of the observations, new ones >= due.shape[0]; due, distances : before the scan.
-    A believed landmark is excused when an ignored observation lies in its grey zone. Another is
-    not: a ghost between two cones would keep both out of the map and be excused by both, for ever.
+    slots : (m,) of the observations, new ones >= due.shape[0]; due, distances : before the scan;
+    eye : from `eyesight.new_eye`, learns in place. A believed landmark is excused when an ignored
+    observation lies in its grey zone. Another is not: a ghost between two cones would keep both
+    out of the map and be excused by both, for ever.
     """
     before = due.shape[0]
     reward(records, slots, due, distances, range_m, noise, rules)
@@ -207,18 +211,25 @@ def weigh(
                 believed = records[slot].log_odds >= rules[CONFIRM]
                 if believed and distances[i, slot] <= spawn_gate:
                     excused[slot] = True
-    gone = np.zeros(n, dtype=np.bool_)
+    gone, known = np.zeros(n, dtype=np.bool_), eye.copy()
     for slot in range(before):
-        if seen[slot] or rules[DETECTION] <= 0.0:
-            continue
-        record = records[slot]
-        probability = chance_of_sight(due[slot], record.log_odds >= rules[CONFIRM], rules)
+        record, bearing = records[slot], due[slot, 1]
+        believed = record.log_odds >= rules[CONFIRM]
+        probability = chance_of_sight(due[slot], believed, rules)
         if probability <= 0.0:
+            continue
+        if seen[slot]:
+            if believed:
+                note(eye, bearing, True)
             continue
         other = twin(x, slot, seen, rules[SPACING])
         if other >= 0:
             gone[slot if record.n_seen <= records[other].n_seen else other] = True
         elif not excused[slot] and not hidden(slot, due, range_m, bearing_rad, rules[OCCLUDER]):
+            if believed:
+                note(eye, bearing, False)
+            if rules[LEARNS] > 0.0:
+                probability *= share(known, bearing, believed)
             record.log_odds -= loss(probability, rules)
             gone[slot] = record.log_odds < rules[REMOVE_BELOW]
     return np.flatnonzero(gone)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 
+from slam.eyesight import note, share
 from slam.fastslam.cloud import Cloud
 from slam.fastslam.scan import Rules, Scan, Scratch
 from slam.kernels import kernel, wrapped
@@ -16,6 +17,7 @@ from slam.landmarks import (
     FAR_CERTAIN,
     FAR_POSSIBLE,
     FIELD_OF_VIEW,
+    LEARNS,
     NEAR_CERTAIN,
     NEAR_POSSIBLE,
     OCCLUDER,
@@ -36,11 +38,15 @@ def absences(cloud: Cloud, p: int, scan: Scan, rules: Rules, scratch: Scratch, w
     nearest, farthest = law[NEAR_POSSIBLE] ** 2, law[FAR_POSSIBLE] ** 2
     doomed = False
     for t in range(within):
-        if scratch.busy[t] or not nearest <= scratch.square_m2[t] <= farthest:
+        busy = scratch.busy[t]
+        if (busy and p != rules.observer) or not nearest <= scratch.square_m2[t] <= farthest:
             continue
         j = scratch.near[t]
-        probability = _chance_of_sight(cloud, p, rules, scratch, t)
-        if probability <= 0.0:
+        probability, bearing_rad = _chance_of_sight(cloud, p, rules, scratch, t)
+        believed = cloud.evidence[p, j] >= law[CONFIRM]
+        if busy and believed and probability > 0.0:
+            note(rules.next_eye, bearing_rad, True)
+        if busy or probability <= 0.0:
             continue
         other = _twin(rules, scratch, t, within)
         if other >= 0:
@@ -48,6 +54,10 @@ def absences(cloud: Cloud, p: int, scan: Scan, rules: Rules, scratch: Scratch, w
             gone = j if cloud.seen[p, j] <= cloud.seen[p, k] else k
             cloud.evidence[p, gone] = -math.inf
         elif not _hidden(cloud, p, scan, rules, scratch, t):
+            if believed and p == rules.observer:
+                note(rules.next_eye, bearing_rad, False)
+            if law[LEARNS] > 0.0:
+                probability *= share(rules.eye, bearing_rad, believed)
             cloud.evidence[p, j] -= loss(probability, law)
         else:
             continue
@@ -67,17 +77,20 @@ def _swept(cloud: Cloud, p: int, below: float, scratch: Scratch, within: int) ->
 
 
 @kernel
-def _chance_of_sight(cloud: Cloud, p: int, rules: Rules, scratch: Scratch, t: int) -> float:
-    law, range_m = rules.landmarks, math.sqrt(scratch.square_m2[t])
-    if law[FIELD_OF_VIEW] < math.tau:
+def _chance_of_sight(
+    cloud: Cloud, p: int, rules: Rules, scratch: Scratch, t: int
+) -> tuple[float, float]:
+    """How likely it is detected by the rules, and the bearing at which it is due."""
+    law, range_m, bearing_rad = rules.landmarks, math.sqrt(scratch.square_m2[t]), 0.0
+    if law[FIELD_OF_VIEW] < math.tau or law[LEARNS] > 0.0:
         direction = math.atan2(scratch.y[t] - cloud.y[p], scratch.x[t] - cloud.x[p])
-        if abs(wrapped(direction - cloud.heading[p])) > 0.5 * law[FIELD_OF_VIEW]:
-            return 0.0
+        bearing_rad = wrapped(direction - cloud.heading[p])
+        if abs(bearing_rad) > 0.5 * law[FIELD_OF_VIEW]:
+            return 0.0, bearing_rad
     if cloud.evidence[p, scratch.near[t]] < law[CONFIRM]:
-        return detection_probability(range_m, law)
+        return detection_probability(range_m, law), bearing_rad
     certain = law[NEAR_CERTAIN] <= range_m <= law[FAR_CERTAIN]
-    probability: float = law[DETECTION] if certain else 0.0
-    return probability
+    return law[DETECTION] if certain else 0.0, bearing_rad
 
 
 @kernel

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from capture import EstimatedMap
 from geometry import Floats, LandmarkMap
 from slam import landmarks, motion
+from slam.eyesight import new_eye
 from slam.fastslam import kernels
 from slam.fastslam.births import Births
 from slam.fastslam.cloud import (
@@ -63,7 +64,7 @@ class FastSlam:
         self._removed = np.zeros(config.particles, dtype=np.int32)
         self._best = 0
         self._largest_variance = 0.0
-        self._landmark_rules = landmarks.rules_array(config.landmarks)
+        self._landmark_rules, self._eye = landmarks.rules_array(config.landmarks), new_eye()
         absence_counts = config.landmarks.detection_probability > 0.0
         self._reach_m = config.landmarks.far_possible_m if absence_counts else 0.0
 
@@ -212,6 +213,9 @@ class FastSlam:
             log_new=math.log(config.new_density_per_m_rad),
             reach_m=reach_m,
             landmarks=self._landmark_rules,
+            eye=self._eye.copy(),
+            next_eye=self._eye,
+            observer=self._best,
             max_landmarks=config.landmarks.max_landmarks,
         )
 

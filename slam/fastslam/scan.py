@@ -41,7 +41,8 @@ class Scan(NamedTuple):
 class Rules(NamedTuple):
     """The thresholds of `FastSlamConfig`, and how far to look for landmarks.
 
-    landmarks : from `slam.landmarks.rules_array`.
+    landmarks : from `slam.landmarks.rules_array`; eye, next_eye : from `slam.eyesight.new_eye`, as
+    known before the scan and as learnt from it; observer : the particle whose landmarks teach it.
     """
 
     accept: float
@@ -51,6 +52,9 @@ class Rules(NamedTuple):
     log_new: float
     reach_m: float
     landmarks: Floats
+    eye: Floats
+    next_eye: Floats
+    observer: int
     max_landmarks: int
 
 

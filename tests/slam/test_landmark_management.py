@@ -163,7 +163,7 @@ def test_absence_where_nothing_could_be_seen_is_no_evidence(cone: tuple[float, f
 
 def test_outside_the_field_of_view_absence_is_no_evidence() -> None:
     for angle, kept in ((1.0, 1), (math.tau, 0)):
-        slam = EkfSlam(with_rules(field_of_view_rad=angle), "nearest")
+        slam = EkfSlam(with_rules(field_of_view_rad=angle, learns_field_of_view=False), "nearest")
         for t in range(10):
             look(slam, t, [(1.0, 0.8)])
         for t in range(20):

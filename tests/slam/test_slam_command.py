@@ -159,10 +159,16 @@ def test_smoothing_is_told_in_the_provenance(session: Path) -> None:
     assert told["converged"] is True
 
 
-def test_smoothing_needs_to_know_whose_a_sighting_is(session: Path) -> None:
-    refused = run(session, "--smooth", "--association", "nearest")
-    assert isinstance(refused.exception, UsageError)
-    assert "--association known" in str(refused.exception)
+def test_smoothing_without_names_finds_out_whose_a_sighting_is(session: Path) -> None:
+    done = run(session, "--smooth", "--association", "nearest", "--name", "unnamed")
+    assert done.exit_code == 0, done.output
+    estimate = Session.open(session).estimate("unnamed")
+    assert estimate.map is not None
+    found = estimate.map.landmarks.positions
+    np.testing.assert_allclose(found[np.argsort(-found[:, 1])], [[2, 1], [2, -1]], atol=1e-6)
+    told = estimate.provenance["smoothing"]
+    assert isinstance(told, dict)
+    assert told["unnamed"]["log_likelihood"] > 0.0
 
 
 def test_the_range_of_the_cone_finder_is_explained_without_a_session() -> None:

@@ -22,7 +22,9 @@ CONFIG = FastSlamConfig(
         heading_sigma_rad_per_sqrt_s=math.radians(0.5) * math.sqrt(15.0),
     ),
     observation=OBSERVATION,
-    landmarks=dataclasses.replace(FASTSLAM_PRESETS["robust"].landmarks, confirm_log_odds=0.0),
+    landmarks=dataclasses.replace(
+        FASTSLAM_PRESETS["robust"].landmarks, confirm_log_odds=0.0, learns_field_of_view=False
+    ),
     particles=50,
     new_density_per_m_rad=0.05,
     accept_gate=9.21,
