@@ -109,7 +109,7 @@ def test_a_device_that_vanishes_is_tried_again_and_the_rest_goes_on(tmp_path: Pa
     assert lidar.connects == 2
     verdict = made.verdict()
     assert verdict.verdict == "good"
-    assert "lidar: 1 times gone and back" in verdict.text
+    assert "lidar: gone once" in verdict.text
     assert checked(Session.open(tmp_path / "session"))[1] == verdict
 
 
