@@ -12,7 +12,9 @@ from geometry import Floats
 from slam.association import expectations
 from slam.config import PRESETS, EkfConfig, LandmarkRules
 from slam.ekf import EkfSlam
-from slam.interface import UpdateReport
+from slam.fastslam.config import FASTSLAM_PRESETS
+from slam.fastslam.filter import FastSlam
+from slam.interface import Slam, UpdateReport
 from slam.landmarks import (
     Departed,
     chance_of_sight,
@@ -283,14 +285,20 @@ def test_ten_thousand_clutter_points_leave_time_and_map_bounded(
     assert total.over_limit >= 4 * (10_000 - config.max_observations)
 
 
-@pytest.mark.parametrize("association", ["nearest", "jcbb"])
+@pytest.mark.parametrize("filter_", ["nearest", "jcbb", "fastslam"])
 @pytest.mark.parametrize("name", ["turn", "s-curve", "loop"])
-def test_among_clutter_the_map_is_right(name: str, association: str) -> None:
-    """A tenth of benchmarks/slam_accuracy.py."""
-    found = [world.run(EkfSlam(ROBUST, association), world.drive(name, seed)) for seed in range(4)]
-    right = [f.false_negatives == f.false_positives == 0 for f in found]
-    assert sum(right) >= 3
-    assert np.mean([f.position_m for f in found]) <= 0.025
+def test_among_clutter_the_map_is_right(name: str, filter_: str) -> None:
+    """Some of benchmarks/slam_accuracy.py, with a tenth of clutter."""
+
+    def slam(seed: int) -> Slam:
+        if filter_ == "fastslam":
+            return FastSlam(FASTSLAM_PRESETS["robust"], "likelihood", seed)
+        return EkfSlam(ROBUST, filter_)
+
+    drives = [world.drive(name, seed, world.Noise(clutter=0.1)) for seed in range(4)]
+    found = [world.run(slam(seed), drive) for seed, drive in enumerate(drives)]
+    assert [(f.false_negatives, f.false_positives) for f in found] == [(0, 0)] * 4
+    assert np.mean([f.position_m for f in found]) <= (0.03 if filter_ == "fastslam" else 0.025)
 
 
 def test_as_the_thesis_had_it_the_same_drive_leaves_many_false_landmarks() -> None:
