@@ -30,7 +30,8 @@ def data_of(drive: world.Drive) -> tuple[Odometry, Observations]:
 
 
 def test_the_same_pass_that_serves_a_camera_serves_the_cars() -> None:
-    before, after = [], []
+    before: list[float] = []
+    after: list[float] = []
     for track in ("turn", "s-curve", "loop"):
         for seed in range(3):
             drive = world.drive(track, seed, world.Noise(clutter=0.1))

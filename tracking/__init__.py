@@ -1,0 +1,42 @@
+"""Pictures of a floor -> where the ring markers are, whose they are, and how sure that is.
+
+`find_rings` looks at one picture and knows nothing before; `RingTracker` knows camera and markers
+and follows them all from frame to frame. Pictures are 8-bit; no picture is ever undistorted, only
+points. OpenCV is loaded when the first picture is looked at.
+"""
+
+from tracking.errors import ImageError, TrackingError
+from tracking.identity import (
+    CarMemory,
+    RingPair,
+    car_pose,
+    heading_between,
+    pair_match,
+    unique_matches,
+)
+from tracking.images import Image, grey_image
+from tracking.markers import Marker, State, TrackedFrame
+from tracking.measuring import TrackerConfig
+from tracking.rings import RingSearch, RingSightings, find_rings
+from tracking.tracker import RingTracker
+
+__all__ = [
+    "CarMemory",
+    "Image",
+    "ImageError",
+    "Marker",
+    "RingPair",
+    "RingSearch",
+    "RingSightings",
+    "RingTracker",
+    "State",
+    "TrackedFrame",
+    "TrackerConfig",
+    "TrackingError",
+    "car_pose",
+    "find_rings",
+    "grey_image",
+    "heading_between",
+    "pair_match",
+    "unique_matches",
+]
