@@ -138,8 +138,11 @@ def _imu(session: Session, utc: UtcLine) -> Audit:
         for sample in decoder.feed(Chunk(t_ns, raw_bytes(message))).samples
     ]
     imu = session.imu()
-    holes = np.diff([sample.device_ns for sample in samples]) // 5_000_000 - 1
-    missing = counters.lost_samples + int(holes.sum()) + len(samples) - imu.t_ns.size
+    # The device's count begins anew after an overflow, whose losses the driver counts itself.
+    steps = np.diff([sample.device_ns for sample in samples]) // 5_000_000
+    same_epoch = np.diff([sample.epoch for sample in samples]) == 0
+    holes = int((steps[same_epoch] - 1).sum())
+    missing = counters.lost_samples + holes + len(samples) - imu.t_ns.size
     rates, start_ns = imu.angular_velocity_rad_s[:, 2], _start_ns(session)
     pairs = zip(imu.t_ns.tolist(), rates.tolist(), strict=True)
     errors = np.array([gyro_error_s(t_ns, rate, utc) for t_ns, rate in pairs if t_ns >= start_ns])
