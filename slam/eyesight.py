@@ -25,20 +25,21 @@ def new_eye() -> Floats:
 @kernel
 def note(eye: Floats, bearing_rad: float, seen: bool) -> None:
     """Count, in place, that a believed landmark in sure reach was seen there, or was not."""
-    eye[_sector(bearing_rad), 0 if seen else 1] += 1.0
+    eye[sector(bearing_rad), 0 if seen else 1] += 1.0
 
 
 @kernel
 def share(eye: Floats, bearing_rad: float, believed: bool) -> float:
     """What share of the landmarks in this direction is seen, in doubt for the one in question."""
-    sector = _sector(bearing_rad)
-    seen, missed = eye[sector, 0], eye[sector, 1]
+    place = sector(bearing_rad)
+    seen, missed = eye[place, 0], eye[place, 1]
     doubt = 0.0 if believed else 1.0
     found: float = (seen + doubt) / (seen + missed + 1.0)
     return found
 
 
 @kernel
-def _sector(bearing_rad: float) -> int:
+def sector(bearing_rad: float) -> int:
+    """The row of the eye for a bearing."""
     turned = wrapped(bearing_rad) / math.tau + 0.5
     return min(max(int(turned * SECTORS), 0), SECTORS - 1)

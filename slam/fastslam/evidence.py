@@ -7,9 +7,13 @@ from __future__ import annotations
 
 import math
 
-from slam.eyesight import note, share
+import numpy as np
+import numpy.typing as npt
+
+from geometry import Floats
+from slam.eyesight import SECTORS, note, sector, share
 from slam.fastslam.cloud import Cloud
-from slam.fastslam.scan import Rules, Scan, Scratch
+from slam.fastslam.scan import Scan, Scratch, Watch
 from slam.kernels import kernel, wrapped
 from slam.landmarks import (
     CONFIRM,
@@ -29,40 +33,96 @@ from slam.landmarks import (
 
 
 @kernel
-def absences(cloud: Cloud, p: int, scan: Scan, rules: Rules, scratch: Scratch, within: int) -> int:
+def due(
+    busy: npt.NDArray[np.bool_],
+    square_m2: Floats,
+    within: int,
+    nearest_m2: float,
+    farthest_m2: float,
+) -> bool:
+    """Whether any landmark within reach of the sensor was not seen: mostly there is none."""
+    for t in range(within):  # noqa: SIM110  numba compiles no generator expression
+        if not busy[t] and nearest_m2 <= square_m2[t] <= farthest_m2:
+            return True
+    return False
+
+
+@kernel
+def absences(cloud: Cloud, p: int, scan: Scan, watch: Watch, scratch: Scratch, within: int) -> int:
     """Evidence against the landmarks that should have been seen; those with too little go.
 
     within : how many landmarks `near` holds, of which `busy` were seen. Gives how many went.
     """
-    law = rules.landmarks
+    # Taken out once: each look into these tuples within the loop would count references.
+    law, observes = watch.law, p == watch.observer
+    busy, square_m2, near = scratch.busy, scratch.square_m2, scratch.near
+    due_x, due_y, evidence = scratch.x, scratch.y, cloud.evidence
     nearest, farthest = law[NEAR_POSSIBLE] ** 2, law[FAR_POSSIBLE] ** 2
+    x, y, heading = cloud.x[p], cloud.y[p], cloud.heading[p]
     doomed = False
     for t in range(within):
-        busy = scratch.busy[t]
-        if (busy and p != rules.observer) or not nearest <= scratch.square_m2[t] <= farthest:
+        if (busy[t] and not observes) or not nearest <= square_m2[t] <= farthest:
             continue
-        j = scratch.near[t]
-        probability, bearing_rad = _chance_of_sight(cloud, p, rules, scratch, t)
-        believed = cloud.evidence[p, j] >= law[CONFIRM]
-        if busy and believed and probability > 0.0:
-            note(rules.next_eye, bearing_rad, True)
-        if busy or probability <= 0.0:
+        j, east, north = near[t], due_x[t] - x, due_y[t] - y
+        believed = evidence[p, j] >= law[CONFIRM]
+        probability, bearing_rad = _chance_of_sight(
+            law, believed, square_m2[t], east, north, heading
+        )
+        if busy[t] and believed and probability > 0.0:
+            note(watch.next_eye, bearing_rad, True)
+        if busy[t] or probability <= 0.0:
             continue
-        other = _twin(rules, scratch, t, within)
+        other = _twin(law[SPACING], due_x, due_y, busy, t, within)
         if other >= 0:
-            k = scratch.near[other]
-            gone = j if cloud.seen[p, j] <= cloud.seen[p, k] else k
-            cloud.evidence[p, gone] = -math.inf
-        elif not _hidden(cloud, p, scan, rules, scratch, t):
-            if believed and p == rules.observer:
-                note(rules.next_eye, bearing_rad, False)
-            if law[LEARNS] > 0.0:
-                probability *= share(rules.eye, bearing_rad, believed)
-            cloud.evidence[p, j] -= loss(probability, law)
+            gone = j if cloud.seen[p, j] <= cloud.seen[p, near[other]] else near[other]
+            evidence[p, gone] = -math.inf
+        elif not _hidden(law[OCCLUDER], scan.range_m, scratch.place, x, y, east, north):
+            if believed and observes:
+                note(watch.next_eye, bearing_rad, False)
+            evidence[p, j] -= _absence(
+                law, watch.believed_losses, watch.eye, probability, bearing_rad, believed
+            )
         else:
             continue
-        doomed = doomed or other >= 0 or cloud.evidence[p, j] < law[REMOVE_BELOW]
+        doomed = doomed or other >= 0 or evidence[p, j] < law[REMOVE_BELOW]
     return _swept(cloud, p, law[REMOVE_BELOW], scratch, within) if doomed else 0
+
+
+@kernel
+def believed_losses(eye: Floats, law: Floats) -> Floats:
+    """(SECTORS,): what absence takes from a believed landmark in sure reach, by direction.
+
+    Made once a scan, as a logarithm for each landmark of each particle would cost half the update.
+    """
+    losses = np.empty(SECTORS)
+    for place in range(SECTORS):
+        probability = law[DETECTION]
+        if law[LEARNS] > 0.0:
+            bearing_rad = math.tau * ((place + 0.5) / SECTORS - 0.5)
+            probability *= share(eye, bearing_rad, True)
+        losses[place] = loss(probability, law)
+    return losses
+
+
+@kernel
+def _absence(
+    law: Floats,
+    sure: Floats,
+    eye: Floats,
+    probability: float,
+    bearing_rad: float,
+    believed: bool,
+) -> float:
+    """What the absence of a landmark takes from its evidence; sure : from `believed_losses`."""
+    learns = law[LEARNS] > 0.0
+    taken: float
+    if believed or (not learns and probability == law[DETECTION]):
+        taken = sure[sector(bearing_rad) if learns else 0]
+        return taken
+    if learns:
+        probability *= share(eye, bearing_rad, False)
+    taken = loss(probability, law)
+    return taken
 
 
 @kernel
@@ -78,45 +138,46 @@ def _swept(cloud: Cloud, p: int, below: float, scratch: Scratch, within: int) ->
 
 @kernel
 def _chance_of_sight(
-    cloud: Cloud, p: int, rules: Rules, scratch: Scratch, t: int
+    law: Floats, believed: bool, square_m2: float, east: float, north: float, heading: float
 ) -> tuple[float, float]:
     """How likely it is detected by the rules, and the bearing at which it is due."""
-    law, range_m, bearing_rad = rules.landmarks, math.sqrt(scratch.square_m2[t]), 0.0
+    range_m, bearing_rad = math.sqrt(square_m2), 0.0
     if law[FIELD_OF_VIEW] < math.tau or law[LEARNS] > 0.0:
-        direction = math.atan2(scratch.y[t] - cloud.y[p], scratch.x[t] - cloud.x[p])
-        bearing_rad = wrapped(direction - cloud.heading[p])
+        bearing_rad = wrapped(math.atan2(north, east) - heading)
         if abs(bearing_rad) > 0.5 * law[FIELD_OF_VIEW]:
             return 0.0, bearing_rad
-    if cloud.evidence[p, scratch.near[t]] < law[CONFIRM]:
+    if not believed:
         return detection_probability(range_m, law), bearing_rad
     certain = law[NEAR_CERTAIN] <= range_m <= law[FAR_CERTAIN]
     return law[DETECTION] if certain else 0.0, bearing_rad
 
 
 @kernel
-def _twin(rules: Rules, scratch: Scratch, t: int, within: int) -> int:
+def _twin(
+    spacing_m: float, x: Floats, y: Floats, busy: npt.NDArray[np.bool_], t: int, within: int
+) -> int:
     """A landmark that was seen and stands too near to be another one, or -1."""
-    limit = rules.landmarks[SPACING] ** 2
+    if spacing_m <= 0.0:
+        return -1
     for other in range(within):
-        dx, dy = scratch.x[other] - scratch.x[t], scratch.y[other] - scratch.y[t]
-        if scratch.busy[other] and dx * dx + dy * dy < limit:
+        dx, dy = x[other] - x[t], y[other] - y[t]
+        if busy[other] and dx * dx + dy * dy < spacing_m * spacing_m:
             return other
     return -1
 
 
 @kernel
-def _hidden(cloud: Cloud, p: int, scan: Scan, rules: Rules, scratch: Scratch, t: int) -> bool:
+def _hidden(
+    radius_m: float, range_m: Floats, places: Floats, x: float, y: float, east: float, north: float
+) -> bool:
     """Whether what was seen may hide a landmark: in front of it, near the line of sight."""
-    radius = rules.landmarks[OCCLUDER]
-    if radius <= 0.0:
+    if radius_m <= 0.0:
         return False
-    range_m = math.sqrt(scratch.square_m2[t])
-    east, north = scratch.x[t] - cloud.x[p], scratch.y[t] - cloud.y[p]
-    for i in range(scan.range_m.size):
-        dx, dy = scratch.place[i, 0] - cloud.x[p], scratch.place[i, 1] - cloud.y[p]
+    due_m = math.sqrt(east * east + north * north)
+    for i in range(range_m.size):
+        dx, dy = places[i, 0] - x, places[i, 1] - y
         ahead, aside = east * dx + north * dy, east * dy - north * dx
-        before = ahead > 0.0 and scan.range_m[i] <= range_m - radius
-        if before and abs(aside) <= radius * range_m:
+        if ahead > 0.0 and range_m[i] <= due_m - radius_m and abs(aside) <= radius_m * due_m:
             return True
     return False
 

@@ -23,6 +23,7 @@ from slam.fastslam.cloud import (
     resample,
 )
 from slam.fastslam.config import FASTSLAM_PRESETS, FastSlamConfig
+from slam.fastslam.evidence import believed_losses
 from slam.fastslam.scan import (
     IGNORED,
     NEW,
@@ -31,6 +32,7 @@ from slam.fastslam.scan import (
     Decisions,
     Rules,
     Scan,
+    Watch,
     new_scratch,
 )
 from slam.interface import Algorithm, UpdateReport
@@ -162,6 +164,7 @@ class FastSlam:
             self._cloud,
             scan,
             self._rules(scan),
+            self._watch(),
             slots,
             self.association == "known",
             new_scratch(m, self._cloud.evidence.shape[1]),
@@ -204,7 +207,7 @@ class FastSlam:
             # No landmark is less certain than when it was new: C <= 2 v, so that S <= 3 v.
             slack_m = math.sqrt(3.0 * float(scan.widest.max()) * self._largest_variance)
             reach_m = max(reach_m, float(scan.range_m.max()) + slack_m)
-        known = self.association == "known"
+        known, law = self.association == "known", self._landmark_rules
         return Rules(
             accept=config.accept_gate,
             spawn=config.spawn_gate,
@@ -212,12 +215,20 @@ class FastSlam:
             tail=config.tail_gate,
             log_new=math.log(config.new_density_per_m_rad),
             reach_m=reach_m,
-            landmarks=self._landmark_rules,
-            eye=self._eye.copy(),
-            next_eye=self._eye,
-            observer=self._best,
+            start=law[landmarks.START],
+            most=law[landmarks.MOST],
+            below=law[landmarks.REMOVE_BELOW],
+            miss=landmarks.loss(law[landmarks.DETECTION], law),
+            clutter=bool(law[landmarks.CLUTTER] > 0.0),
+            absence=bool(law[landmarks.DETECTION] > 0.0),
+            nearest_m2=law[landmarks.NEAR_POSSIBLE] ** 2,
+            farthest_m2=law[landmarks.FAR_POSSIBLE] ** 2,
             max_landmarks=config.landmarks.max_landmarks,
         )
+
+    def _watch(self) -> Watch:
+        law = self._landmark_rules
+        return Watch(law, believed_losses(self._eye, law), self._eye.copy(), self._eye, self._best)
 
     def _weigh_and_resample(self) -> None:
         """Mean and spread with the weights as they are, then a new cloud if it is time."""

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from geometry import Floats
 from slam.fastslam.association import associate, landmarks_within_reach
 from slam.fastslam.cloud import Cloud
-from slam.fastslam.evidence import absences
+from slam.fastslam.evidence import absences, due
 from slam.fastslam.scan import (
     NEW,
     REFUSED,
@@ -26,10 +26,10 @@ from slam.fastslam.scan import (
     Rules,
     Scan,
     Scratch,
+    Watch,
     squared_distance,
 )
 from slam.kernels import kernel
-from slam.landmarks import CLUTTER, DETECTION, MOST, REMOVE_BELOW, START, loss
 
 
 @kernel
@@ -37,6 +37,7 @@ def update(
     cloud: Cloud,
     scan: Scan,
     rules: Rules,
+    watch: Watch,
     slots: Decisions,
     known: bool,
     scratch: Scratch,
@@ -64,19 +65,15 @@ def update(
             within = landmarks_within_reach(cloud, p, rules.reach_m, scratch)
             associate(cloud, p, scan, rules, scratch, within, chosen)
             _filter(cloud, p, scan, rules, scratch.place, chosen, birth, added)
-            if rules.landmarks[DETECTION] > 0.0:
-                removed[p] = absences(cloud, p, scan, rules, scratch, within)
+            if rules.absence and (
+                p == watch.observer
+                or due(scratch.busy, scratch.square_m2, within, rules.nearest_m2, rules.farthest_m2)
+            ):
+                removed[p] = absences(cloud, p, scan, watch, scratch, within)
         for i in range(chosen.size):
             if chosen[i] == NEW and cloud.landmarks[p] < rules.max_landmarks:
                 cloud.landmarks[p] += 1
-                _put(
-                    cloud,
-                    p,
-                    cloud.landmarks[p] - 1,
-                    scratch.place[i],
-                    rules.landmarks[START],
-                    birth + i,
-                )
+                _put(cloud, p, cloud.landmarks[p] - 1, scratch.place[i], rules.start, birth + i)
                 added[i] = True
             elif chosen[i] == NEW:
                 chosen[i] = REFUSED
@@ -134,7 +131,7 @@ def _filter(
         likelihood = scan.log_peak[i] - 0.5 * distance
         ratio = determinant / (scan.var_along[i] * scan.var_across[i])
         hit = scan.gain[i]
-        if rules.landmarks[CLUTTER] > 0.0:
+        if rules.clutter:
             likelihood -= 0.5 * math.log(ratio)
             hit += likelihood
         else:
@@ -142,7 +139,7 @@ def _filter(
             if ratios > 1e200:  # one logarithm for all, before they overflow
                 log_weight -= 0.5 * math.log(ratios)
                 ratios = 1.0
-        _learn(cloud, p, j, _fused(dx, dy, xx, xy, yy, rxx, rxy, ryy), hit, rules.landmarks[MOST])
+        _learn(cloud, p, j, _fused(dx, dy, xx, xy, yy, rxx, rxy, ryy), hit, rules.most)
         log_weight += likelihood
     cloud.log_weight[p] += log_weight - 0.5 * math.log(ratios)
 
@@ -188,11 +185,10 @@ def _learn(
 @kernel
 def _contradict(cloud: Cloud, p: int, j: int, place: Floats, rules: Rules, birth: int) -> bool:
     """Evidence against a landmark; when it is enough it is placed anew, and True."""
-    law = rules.landmarks
-    cloud.evidence[p, j] -= loss(law[DETECTION], law)
-    if cloud.evidence[p, j] >= law[REMOVE_BELOW]:
+    cloud.evidence[p, j] -= rules.miss
+    if cloud.evidence[p, j] >= rules.below:
         return False
-    _put(cloud, p, j, place, law[START], birth)
+    _put(cloud, p, j, place, rules.start, birth)
     return True
 
 

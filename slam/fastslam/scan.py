@@ -41,8 +41,11 @@ class Scan(NamedTuple):
 class Rules(NamedTuple):
     """The thresholds of `FastSlamConfig`, and how far to look for landmarks.
 
-    landmarks : from `slam.landmarks.rules_array`; eye, next_eye : from `slam.eyesight.new_eye`, as
-    known before the scan and as learnt from it; observer : the particle whose landmarks teach it.
+    Numbers only: what every particle's kernels take along must be cheap to hand over. start, most,
+    below : log-odds of a new landmark, at the most, and from which it is given up; miss : what the
+    absence of one takes that is sure to be seen; clutter : whether a sighting is weighed against a
+    clutter density; absence : whether absence counts at all; nearest_m2, farthest_m2 : between
+    which squared distances it can.
     """
 
     accept: float
@@ -51,11 +54,30 @@ class Rules(NamedTuple):
     tail: float
     log_new: float
     reach_m: float
-    landmarks: Floats
+    start: float
+    most: float
+    below: float
+    miss: float
+    clutter: bool
+    absence: bool
+    nearest_m2: float
+    farthest_m2: float
+    max_landmarks: int
+
+
+class Watch(NamedTuple):
+    """What absence is judged by.
+
+    law : from `slam.landmarks.rules_array`; believed_losses : from `evidence.believed_losses`; eye,
+    next_eye : from `slam.eyesight.new_eye`, as known before the scan and as learnt from it;
+    observer : the particle whose landmarks teach it.
+    """
+
+    law: Floats
+    believed_losses: Floats
     eye: Floats
     next_eye: Floats
     observer: int
-    max_landmarks: int
 
 
 class Scratch(NamedTuple):

@@ -66,8 +66,8 @@ class FastSlam2(FastSlam):
         weights = self._cloud.log_weight.copy()
         added = np.zeros(m, dtype=np.bool_)
         update(
-            self._cloud, scan, rules, slots, known, scratch, decisions, self._removed,
-            len(self._births), added,
+            self._cloud, scan, rules, self._watch(), slots, known, scratch, decisions,
+            self._removed, len(self._births), added,
         )  # fmt: skip
         self._cloud.log_weight[:] = weights
         if np.any(added):
