@@ -4,6 +4,18 @@ The only room that knows the file formats: session folders, MCAP logs, ROS bags,
 landmark tables. `rosbags` and `mcap` are imported when a log is opened, not before.
 """
 
+from capture.calibrations import (
+    CameraCalibration,
+    LengthResidual,
+    PlacedMarker,
+    ViewResidual,
+    WorldCalibration,
+    calibration_file,
+    now_utc,
+    read_camera_calibration,
+    read_world_calibration,
+    write_calibration,
+)
 from capture.configuration import (
     configuration_from_mapping,
     configuration_from_text,
@@ -11,6 +23,7 @@ from capture.configuration import (
     with_overrides,
 )
 from capture.errors import (
+    CalibrationFileError,
     CaptureError,
     ConfigurationError,
     LogError,
@@ -19,6 +32,7 @@ from capture.errors import (
     TextFileError,
 )
 from capture.estimate import NO_STAMP, Estimate, EstimatedMap, GroundTruth
+from capture.images import LoggedImage
 from capture.landmark_table import (
     read_estimated_map,
     read_landmarks,
@@ -36,6 +50,8 @@ from capture.tum import TumPath, read_planar_tum, read_tum, write_tum
 
 __all__ = [
     "NO_STAMP",
+    "CalibrationFileError",
+    "CameraCalibration",
     "CaptureError",
     "ClockPair",
     "ConfigurationError",
@@ -43,10 +59,13 @@ __all__ = [
     "EstimatedMap",
     "GroundTruth",
     "Imu",
+    "LengthResidual",
     "LogError",
+    "LoggedImage",
     "MissingStreamError",
     "Observations",
     "Odometry",
+    "PlacedMarker",
     "Scans",
     "Session",
     "SessionError",
@@ -54,20 +73,27 @@ __all__ = [
     "TextFileError",
     "TumPath",
     "VescState",
+    "ViewResidual",
+    "WorldCalibration",
+    "calibration_file",
     "configuration_from_mapping",
     "configuration_from_text",
     "list_sessions",
     "new_folder",
+    "now_utc",
     "ns_to_stamp",
+    "read_camera_calibration",
     "read_configuration",
     "read_estimated_map",
     "read_landmarks",
     "read_path_covariance",
     "read_planar_tum",
     "read_tum",
+    "read_world_calibration",
     "software",
     "stamp_to_ns",
     "with_overrides",
+    "write_calibration",
     "write_estimated_map",
     "write_landmarks",
     "write_path_covariance",

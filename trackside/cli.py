@@ -18,6 +18,7 @@ COMMANDS = {
     "demo": ("trackside.demo:demo", "The whole road without hardware, in a minute."),
     "doctor": ("trackside.doctor:doctor", "What would spoil a recording here, and what to do."),
     "devices": ("trackside.devices:devices", "What is plugged in, who answered; writes a rig."),
+    "calibrate": ("calibration.cli:calibrate", "The camera and its place above the floor."),
     "record": ("capture.recording.cli:record", "Record the car into a new session."),
     "film": ("capture.recording.cli:film", "Record the overhead camera into a new session."),
     "check": ("capture.recording.cli:check", "Is a recording any good?"),

@@ -8,17 +8,17 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass
 from importlib.metadata import packages_distributions, version
 from pathlib import Path
 
 import click
 
 from dialogue import TABLE_FORMATS, Table
+from trackside.finding import Finding
 
 OUR_NAMES = (
-    "dialogue", "drivers", "geometry", "capture", "slam", "tracking", "simulation", "scoring",
-    "trackside",
+    "dialogue", "drivers", "geometry", "capture", "slam", "tracking", "simulation", "calibration",
+    "scoring", "trackside",
 )  # fmt: skip
 """The rooms, which are import names shared with the whole environment."""
 
@@ -37,16 +37,6 @@ LIBRARIES = {
 """Import name -> the distribution it comes from."""
 
 MIN_FREE_BYTES = 500_000_000
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One thing looked at: what it is, whether it is well, what was seen, what to do if not."""
-
-    what: str
-    well: bool
-    seen: str
-    remedy: str = ""
 
 
 @click.command("doctor")
