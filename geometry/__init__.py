@@ -1,4 +1,4 @@
-"""Planar poses, trajectories, landmark maps and the rigid alignment between them.
+"""Planar poses, trajectories, landmark maps, their alignment, and the camera that looks at a floor.
 
 Values and pure functions on numpy arrays; no file, no clock, no device. The few things that a path
 in space needs (`SpacePath`, quaternions) live here too, so that a hand-held path can be scored.
@@ -6,7 +6,23 @@ in space needs (`SpacePath`, quaternions) live here too, so that a hand-held pat
 
 from geometry.alignment import alignment_from_first_pose, planar_umeyama, umeyama
 from geometry.angles import Floats, circular_mean, wrap
-from geometry.errors import AlignmentError, GeometryError, LandmarkMapError, TrajectoryError
+from geometry.camera import Camera, View, at_height, looking_at
+from geometry.circles import RingShape, apparent_centre, circle_centres, circle_outline
+from geometry.errors import (
+    AlignmentError,
+    CameraError,
+    GeometryError,
+    LandmarkMapError,
+    TrajectoryError,
+)
+from geometry.homography import (
+    PoseFit,
+    apply_homography,
+    fit_homography,
+    fit_planar_view,
+    refine_view,
+    turned,
+)
 from geometry.landmarks import LandmarkMap
 from geometry.se2 import between, compose, inverse, rotate_covariance, transform_points
 from geometry.space_path import SpacePath
@@ -14,22 +30,37 @@ from geometry.trajectory import Stamps, Trajectory
 
 __all__ = [
     "AlignmentError",
+    "Camera",
+    "CameraError",
     "Floats",
     "GeometryError",
     "LandmarkMap",
     "LandmarkMapError",
+    "PoseFit",
+    "RingShape",
     "SpacePath",
     "Stamps",
     "Trajectory",
     "TrajectoryError",
+    "View",
     "alignment_from_first_pose",
+    "apparent_centre",
+    "apply_homography",
+    "at_height",
     "between",
+    "circle_centres",
+    "circle_outline",
     "circular_mean",
     "compose",
+    "fit_homography",
+    "fit_planar_view",
     "inverse",
+    "looking_at",
     "planar_umeyama",
+    "refine_view",
     "rotate_covariance",
     "transform_points",
+    "turned",
     "umeyama",
     "wrap",
 ]

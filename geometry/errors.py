@@ -19,3 +19,7 @@ class LandmarkMapError(GeometryError):
 
 class AlignmentError(GeometryError):
     """Too few or coincident points: the rotation between them cannot be known."""
+
+
+class CameraError(GeometryError):
+    """Numbers that are no camera, or points from which its place cannot be known."""

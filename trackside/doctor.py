@@ -16,7 +16,10 @@ import click
 
 from dialogue import TABLE_FORMATS, Table
 
-OUR_NAMES = ("dialogue", "drivers", "geometry", "capture", "slam", "scoring", "trackside")
+OUR_NAMES = (
+    "dialogue", "drivers", "geometry", "capture", "slam", "tracking", "simulation", "scoring",
+    "trackside",
+)  # fmt: skip
 """The rooms, which are import names shared with the whole environment."""
 
 LIBRARIES = {

@@ -1,0 +1,113 @@
+"""Which ring is which: by place for those that stand, by each other for those on the car.
+
+Rings look alike. A match is therefore made only where no other is nearly as good; where two are,
+none is made, and the marker is lost rather than confused with its neighbour.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import permutations
+
+import numpy as np
+import numpy.typing as npt
+
+from geometry import Floats, wrap
+
+NOBODY = -1
+_CLEARLY = 2.5
+"""The second nearest must be so many times further away than the nearest."""
+
+
+@dataclass(frozen=True)
+class RingPair:
+    """Two rings on one rigid car, by their indices among the markers, so far apart."""
+
+    front: int
+    rear: int
+    distance_m: float
+    tolerance_m: float = 0.02
+
+
+def unique_matches(expected: Floats, gates_m: Floats, found: Floats) -> npt.NDArray[np.int64]:
+    """For each expected place (n, 2) the one found ring that can only be it, or -1.
+
+    found : (m, 2), or (n, m, 2) where each expects the rings elsewhere (at its height). gates_m : (n,) how far from its place each may be. Nearest to each other, within the gate, and
+    no other ring or place nearly as near.
+    """
+    matches = np.full(len(expected), NOBODY, np.int64)
+    apart = np.linalg.norm(expected[:, None] - found, axis=2)
+    if not apart.size:
+        return matches
+    apart = np.where(np.isfinite(apart), apart, np.inf)
+    for i, row in enumerate(apart):
+        j = int(row.argmin())
+        if row[j] > gates_m[i] or apart[:, j].argmin() != i:
+            continue
+        rivals = np.concatenate([np.delete(row, j), np.delete(apart[:, j], i)])
+        # A rival outside of every gate is none; one that is nearly as near is one.
+        if (rivals > np.minimum(_CLEARLY * row[j] + 1e-9, gates_m[i])).all():
+            matches[i] = j
+    return matches
+
+
+def pair_match(
+    pair: RingPair,
+    expected: Floats,
+    gate_m: float,
+    found: Floats,
+    heading_rad: float | None,
+    heading_gate_rad: float = np.pi / 3.0,
+) -> tuple[int, int] | None:
+    """Indices of the found rings (m, 2) that are front and rear of the car, or None if not sure.
+
+    expected : (2, 2) where front and rear should be, NaN where unknown. heading_rad : of the car,
+    as far as it is known; without it front and rear look the same, and the answer is None.
+    """
+    if heading_rad is None:
+        return None
+    fits = []
+    for i, j in permutations(range(len(found)), 2):
+        along = found[i] - found[j]
+        if abs(float(np.hypot(*along)) - pair.distance_m) > pair.tolerance_m:
+            continue
+        if abs(float(wrap(heading_between(found[i], found[j]) - heading_rad))) > heading_gate_rad:
+            continue
+        off = np.linalg.norm(found[[i, j]] - expected, axis=1)
+        if (np.isnan(off) | (off <= gate_m)).all():
+            fits.append((i, j))
+    return fits[0] if len(fits) == 1 else None
+
+
+def heading_between(front_xy: Floats, rear_xy: Floats) -> float:
+    """The direction from rear to front, (-pi, pi]."""
+    x, y = front_xy - rear_xy
+    return float(wrap(np.arctan2(y, x)))
+
+
+def car_pose(
+    front_xy: Floats,
+    rear_xy: Floats,
+    front_covariance: Floats,
+    rear_covariance: Floats,
+    front_x_m: float,
+    rear_x_m: float,
+) -> tuple[Floats, Floats]:
+    """Pose (3,) of base_link and its covariance (3, 3) from the two rings on the car's middle line.
+
+    front_x_m, rear_x_m : the lever arms, how far ahead of base_link the rings are.
+    """
+    heading = heading_between(front_xy, rear_xy)
+    forward = np.array([np.cos(heading), np.sin(heading)])
+    left = np.array([-forward[1], forward[0]])
+    span = front_x_m - rear_x_m
+    middle_x = (front_x_m + rear_x_m) / 2.0
+    xy = (front_xy + rear_xy) / 2.0 - middle_x * forward
+    turn = left / float(np.hypot(*(front_xy - rear_xy)))
+    # d (x, y, heading) / d (front, rear); the span is the plan's, the direction the rings'.
+    to_front = np.vstack([np.eye(2) / 2.0 - middle_x * np.outer(left, turn), turn])
+    to_rear = np.vstack([np.eye(2) / 2.0 + middle_x * np.outer(left, turn), -turn])
+    covariance = to_front @ front_covariance @ to_front.T + to_rear @ rear_covariance @ to_rear.T
+    if span <= 0.0:
+        raise ValueError(f"the front ring must be ahead of the rear one, got a span of {span} m")
+    return np.array([*xy, heading]), covariance

@@ -1,0 +1,113 @@
+"""The markers that move: predicted, looked at twice, and their motion kept."""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from geometry import Floats, View, at_height
+from tracking.images import Image
+from tracking.edges import line_offsets
+from tracking.measuring import Look, line_steps
+from tracking.outlines import RingPlanes, RingTemplates, ring_templates
+from tracking.profiles import Samples, line_points, line_vectors
+from tracking.standing import Found
+
+_Prepared: TypeAlias = tuple[
+    npt.NDArray[np.int64], Floats, tuple[RingTemplates, Floats, Samples]
+]
+
+_NEAR_PX = 0.4
+_TEMPLATE_SERVES_M = 0.1
+
+
+class MovingMarkers:
+    """n markers without a place. What is not known of them is NaN."""
+
+    def __init__(self, view: View, planes: RingPlanes, look: Look) -> None:
+        n = len(planes.radii)
+        self._view, self._planes, self._look = view, planes, look
+        self.xy = np.full((n, 2), np.nan)
+        self.velocity = np.full((n, 2), np.nan)
+        self._acceleration = np.zeros((n, 2))
+        self._last: _Prepared | None = None
+        self._t_ns = np.zeros(n, np.int64)
+        self._before_s = np.zeros(n)
+        """Between the last two sights."""
+
+    def predicted(self, t_ns: int) -> Floats:
+        """Where they should be, (n, 2): constant acceleration; where they were if no speed is known."""
+        after_s = self.since(t_ns)[:, None]
+        velocity = np.nan_to_num(self.velocity)
+        bend = self._acceleration * (after_s + self._before_s[:, None]) / 2.0
+        return self.xy + (velocity + bend) * after_s
+
+    def since(self, t_ns: int) -> Floats:
+        """Seconds (n,) since each was last seen."""
+        return np.asarray((t_ns - self._t_ns) * 1e-9)
+
+    def look(self, image: Image, which: npt.NDArray[np.int64], expected: Floats) -> Found:
+        """Measure some of them near the places (k, 2) where they should be.
+
+        The edge's area is asked: motion blur does not bias it. Where the prediction was off, a
+        second look from the place that the first one gave is as exact as on a marker that stands.
+        """
+        look = self._look
+        rings, steps, vectors = self._prepared(which, expected)
+        edges, centres = rings.placed(self._view, expected)
+        coordinates = line_points(edges, vectors)
+        fits, _ = look.fits(image, coordinates, steps)
+        shift = fits.shift_px
+        if not np.abs(shift).max() < _NEAR_PX:
+            good = np.isfinite(shift).all(axis=1) & (fits.contrast > 0.0)
+            first = np.where(good[:, None], shift, 0.0)
+            coordinates += first.astype(np.float32)[:, None, :]
+            fits, _ = look.fits(image, coordinates, steps)
+            shift = first + fits.shift_px
+        good = look.acceptable(fits, rings.axes_px)
+        centres = centres + shift
+        # The picture of the floor is bent; one step of Newton's method makes the line exact.
+        planes = self._planes.heights[which]
+        xy = expected + _times(rings.inverse, shift)
+        xy += _times(rings.inverse, centres - self._view.project(at_height(xy, planes)))
+        return Found(good, centres, xy, rings.inverse, fits)
+
+    def _prepared(
+        self, which: npt.NDArray[np.int64], expected: Floats
+    ) -> tuple[RingTemplates, Floats, Samples]:
+        """Templates, steps and lines for places near these: those of before, if they serve."""
+        last = self._last
+        if last is not None and np.array_equal(last[0], which):
+            off = last[1] - expected
+            if np.abs(off).max() < _TEMPLATE_SERVES_M:
+                return last[2]
+        lines = self._look.config.lines
+        rings = ring_templates(self._view, expected, self._planes.take(which), lines)
+        steps = line_steps(rings.axes_px)
+        prepared = rings, steps, line_vectors(lines, line_offsets(steps))
+        self._last = (which, expected, prepared)
+        return prepared
+
+    def keep(self, which: npt.NDArray[np.int64], xy: Floats, t_ns: int, fresh: bool) -> None:
+        """Take these places (k, 2) as seen at t. fresh : found by search, no speed follows."""
+        after_s = self.since(t_ns)[which]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            velocity = (xy - self.xy[which]) / after_s[:, None]
+            between_s = (after_s + self._before_s[which]) / 2.0
+            bend = (velocity - self.velocity[which]) / between_s[:, None]
+        known = after_s > 0.0
+        limit = self._look.config.max_acceleration_m_s2
+        bend = np.where(np.isfinite(bend) & known[:, None], np.clip(bend, -limit, limit), 0.0)
+        self.velocity[which] = np.where(known[:, None], velocity, np.nan)
+        self._acceleration[which] = 0.0 if fresh else bend
+        self._before_s[which] = after_s
+        self.xy[which] = xy
+        self._t_ns[which] = t_ns
+
+
+def _times(matrices: Floats, vectors: Floats) -> Floats:
+    """Products (n, 2) of matrices (n, 2, 2) with vectors (n, 2)."""
+    product: Floats = (matrices @ vectors[..., None])[..., 0]
+    return product

@@ -1,0 +1,262 @@
+"""All known markers from frame to frame.
+
+Those that stand and those that move are measured by one look each; what is lost is searched for in
+the region where it can be, and comes back only when it can be nothing else. A marker without a
+position is LOST, and says so: no position is ever guessed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from geometry import Floats, View
+from tracking.errors import ImageError, TrackingError
+from tracking.identity import NOBODY, RingPair, heading_between, unique_matches
+from tracking.images import Image, grey_image
+from tracking.markers import Marker, State, TrackedFrame
+from tracking.measuring import Look, TrackerConfig
+from tracking.moving import MovingMarkers
+from tracking.outlines import RingPlanes, half_axes
+from tracking.recovery import Recovery, match_moving
+from tracking.rings import RingSearch
+from tracking.standing import Found, StandingMarkers
+
+Indices = npt.NDArray[np.int64]
+
+
+class RingTracker:
+    """Follows markers in the frames of one camera that does not move.
+
+    view : the camera in its place. markers : all of them, one ratio of diameters. pair : front and
+    rear ring of the car, by name, and how far apart they are. Frames go through `step` in the order
+    of their time; the first one is searched as a whole.
+    """
+
+    def __init__(
+        self,
+        view: View,
+        markers: Sequence[Marker],
+        config: TrackerConfig = TrackerConfig(),
+        pair: tuple[str, str, float] | None = None,
+        search: RingSearch | None = None,
+    ) -> None:
+        self.markers, self.config = tuple(markers), config
+        names = [marker.name for marker in self.markers]
+        if len(set(names)) != len(names) or not names:
+            raise TrackingError(f"markers need names, each its own; got {names}")
+        ratios = {round(marker.shape.ratio, 6) for marker in self.markers}
+        if len(ratios) > 1:
+            raise TrackingError(f"all markers must have one ratio of diameters, got {ratios}")
+        moves = np.array([marker.moves for marker in self.markers])
+        self._stand, self._move = np.flatnonzero(~moves), np.flatnonzero(moves)
+        planes = RingPlanes(
+            np.array([marker.height_m for marker in self.markers]),
+            np.array([marker.shape.radius_m for marker in self.markers]),
+            ratios.pop(),
+        )
+        look = Look(config, self.markers[0].shape)
+        places = [m.place_m for m in self.markers if m.place_m is not None]
+        self._standing = StandingMarkers(
+            view, planes.take(self._stand), np.array(places).reshape(-1, 2), look
+        )
+        self._places = self._standing.xy.copy()
+        self._moving = MovingMarkers(view, planes.take(self._move), look)
+        self._pair = None if pair is None else self._ring_pair(*pair)
+        self._heading: float | None = None
+        self._recovery = Recovery(view, planes, search or _search_for(view, self.markers, planes))
+        self._states = np.full(len(names), State.LOST, np.int8)
+        self._shape = (view.camera.height_px, view.camera.width_px)
+        self._t_ns: int | None = None
+        self._searched_ns: int | None = None
+
+    def expect_heading(self, heading_rad: float) -> None:
+        """Tell which way the car points, to a sixth of a turn; its rings do not say it themselves."""
+        self._heading = float(heading_rad)
+
+    def step(self, image: npt.NDArray[np.generic], t_ns: int) -> TrackedFrame:
+        """The markers in a frame whose exposure's middle was at t.
+
+        Raises `ImageError` for what is no picture of this camera, `TrackingError` when time does
+        not go on.
+        """
+        grey = grey_image(image)
+        if grey.shape != self._shape:
+            raise ImageError(
+                f"the picture has {grey.shape[1]}x{grey.shape[0]} pixels, the calibration is for "
+                f"{self._shape[1]}x{self._shape[0]}: film and calibrate at one resolution"
+            )
+        if self._t_ns is not None and t_ns <= self._t_ns:
+            raise TrackingError(f"frames must come in order of time: {t_ns} after {self._t_ns}")
+        self._t_ns = t_ns
+        report = _Report(len(self.markers))
+        if self._stand.size:
+            report.put(self._stand, self._standing.look(grey), self.config.whole_inliers)
+        self._follow(grey, t_ns, report)
+        if (report.states == State.LOST).any():
+            self._search(grey, t_ns, report)
+        self._states = report.states
+        self._remember_heading(report)
+        return report.frame(t_ns)
+
+    def _follow(self, grey: Image, t_ns: int, report: _Report) -> None:
+        """Movers whose speed is known are looked for where they must be."""
+        local = np.flatnonzero(np.isfinite(self._moving.velocity).all(axis=1))
+        alive = self._states[self._move[local]] != State.LOST
+        local = local[alive]
+        if not local.size:
+            return
+        found = self._moving.look(grey, local, self._moving.predicted(t_ns)[local])
+        found = self._held_together(found, local)
+        self._moving.keep(local[found.good], found.xy[found.good], t_ns, False)
+        report.put(self._move[local], found, self.config.whole_inliers)
+
+    def _held_together(self, found: Found, local: Indices) -> Found:
+        """The rings of the car keep their distance; if not, neither is believed."""
+        if self._pair is None:
+            return found
+        at = [np.flatnonzero(local == i) for i in (self._pair.front, self._pair.rear)]
+        if not (at[0].size and at[1].size):
+            return found
+        front, rear = int(at[0][0]), int(at[1][0])
+        span = float(np.hypot(*(found.xy[front] - found.xy[rear])))
+        if not abs(span - self._pair.distance_m) <= self._pair.tolerance_m:
+            found.good[[front, rear]] = False
+        return found
+
+    def _search(self, grey: Image, t_ns: int, report: _Report) -> None:
+        """Look for what is lost; only now and then where that means much of the picture."""
+        lost_movers = np.flatnonzero(report.states[self._move] == State.LOST)
+        reach = self._reach(t_ns)[lost_movers]
+        due = self._searched_ns is None or (
+            (t_ns - self._searched_ns) * 1e-9 >= self.config.search_period_s
+        )
+        lost_standing = np.flatnonzero(report.states[self._stand] == State.LOST) if due else []
+        near = np.isfinite(reach) & (reach < self._far_m())
+        lost_movers = lost_movers if due else lost_movers[near]
+        if due:
+            self._searched_ns = t_ns
+        if not (len(lost_movers) or len(lost_standing)):
+            return
+        self._search_standing(grey, np.asarray(lost_standing, np.int64), report)
+        self._search_moving(grey, lost_movers, t_ns, report)
+
+    def _search_standing(self, grey: Image, local: Indices, report: _Report) -> None:
+        if not local.size:
+            return
+        gate = np.full(local.size, self.config.place_gate_m)
+        expected = self._places[local]
+        region = self._recovery.region(self._stand[local], expected, gate)
+        found = self._recovery.sightings(grey, region, report.known_px())
+        places = self._recovery.places(found, self._stand[local])
+        matches = unique_matches(expected, gate, places)
+        hit = matches != NOBODY
+        if not hit.any():
+            return
+        settled = self._standing.settle(grey, local[hit], places[hit, matches[hit]])
+        if settled.size:
+            seen = self._standing.look(grey)
+            report.put(self._stand, seen, self.config.whole_inliers, only=self._stand[settled])
+
+    def _search_moving(self, grey: Image, lost: Indices, t_ns: int, report: _Report) -> None:
+        if not lost.size:
+            return
+        expected, reach = self._moving.predicted(t_ns), self._reach(t_ns)
+        unknown = ~np.isfinite(reach[lost]) | (reach[lost] > self._far_m())
+        region = None
+        if not unknown.any():
+            region = self._recovery.region(self._move[lost], expected[lost], reach[lost])
+        found = self._recovery.sightings(grey, region, report.known_px())
+        places = self._recovery.places(found, self._move)
+        is_lost = np.zeros(self._move.size, bool)
+        is_lost[lost] = True
+        seen_xy = report.xy[self._move]
+        matches = match_moving(
+            places, expected, np.where(np.isfinite(reach), reach, np.inf), is_lost, seen_xy,
+            self._pair, self._heading,
+        )  # fmt: skip
+        hit = np.flatnonzero(matches != NOBODY)
+        if not hit.size:
+            return
+        seen = self._moving.look(grey, hit, places[hit, matches[hit]])
+        seen = self._held_together(seen, hit)
+        self._moving.keep(hit[seen.good], seen.xy[seen.good], t_ns, True)
+        report.put(self._move[hit], seen, self.config.whole_inliers)
+
+    def _reach(self, t_ns: int) -> Floats:
+        """How far each mover (n,) can be from its prediction; infinite when never seen."""
+        config, after_s = self.config, self._moving.since(t_ns)
+        slow = np.isfinite(self._moving.velocity).all(axis=1)
+        unsure = np.where(
+            slow, config.max_acceleration_m_s2 * after_s**2, config.max_speed_m_s * after_s
+        )
+        seen = np.isfinite(self._moving.xy).all(axis=1)
+        return np.where(seen, 0.02 + unsure, np.inf)
+
+    def _far_m(self) -> float:
+        """A region beyond this is as dear as the whole picture."""
+        return 0.6
+
+    def _remember_heading(self, report: _Report) -> None:
+        if self._pair is None:
+            return
+        front, rear = self._move[self._pair.front], self._move[self._pair.rear]
+        if (report.states[[front, rear]] != State.LOST).all():
+            self._heading = heading_between(report.xy[front], report.xy[rear])
+
+    def _ring_pair(self, front: str, rear: str, distance_m: float) -> RingPair:
+        movers = [self.markers[i].name for i in self._move]
+        if front == rear or front not in movers or rear not in movers:
+            raise TrackingError(f"{front!r} and {rear!r} must be two of the movers {movers}")
+        return RingPair(movers.index(front), movers.index(rear), distance_m)
+
+
+class _Report:
+    """A frame's results while they come in."""
+
+    def __init__(self, n: int) -> None:
+        self.states = np.full(n, State.LOST, np.int8)
+        self._rows = np.full((n, 11), np.nan)
+        self.centres, self.xy = self._rows[:, :2], self._rows[:, 2:4]
+
+    def put(self, which: Indices, found: Found, whole: float, only: Indices | None = None) -> None:
+        """Enter what was found of the markers `which`, or of those among them that are in `only`."""
+        good = found.good if only is None else found.good & np.isin(which, only)
+        fits, slopes = found.fits, found.floor_slopes
+        n = len(which)
+        rows = np.empty((n, 11))
+        rows[:, :2], rows[:, 2:4] = found.centres_px, found.xy
+        rows[:, 4:8] = (slopes @ fits.covariance_px @ slopes.transpose(0, 2, 1)).reshape(n, 4)
+        rows[:, 8], rows[:, 9], rows[:, 10] = fits.inliers, fits.scatter_px, fits.contrast
+        states = np.where(fits.inliers >= whole, np.int8(State.SEEN), np.int8(State.PARTLY))
+        at = which
+        if not good.all():
+            at, rows, states = which[good], rows[good], states[good]
+        self._rows[at], self.states[at] = rows, states
+
+    def known_px(self) -> Floats:
+        """Where rings are that need no owner any more, (j, 2)."""
+        return self.centres[self.states != State.LOST]
+
+    def frame(self, t_ns: int) -> TrackedFrame:
+        """What the user gets."""
+        covariance = self._rows[:, 4:8].reshape(-1, 2, 2)
+        return TrackedFrame(
+            t_ns, self.states, self.centres, self.xy, covariance, *self._rows[:, 8:].T
+        )
+
+
+def _search_for(view: View, markers: Sequence[Marker], planes: RingPlanes) -> RingSearch:
+    """A search for rings as small as the smallest of these in this view."""
+    places = [marker.place_m for marker in markers if marker.place_m is not None]
+    size = np.array([view.camera.width_px, view.camera.height_px]) - 1.0
+    corners = size * np.array([[0.1, 0.1], [0.9, 0.1], [0.1, 0.9], [0.9, 0.9], [0.5, 0.5]])
+    xy = view.on_plane(corners, float(planes.heights.min()))
+    xy = np.concatenate([xy[np.isfinite(xy).all(axis=1)], np.array(places).reshape(-1, 2)])
+    if not len(xy):
+        raise TrackingError("the camera does not look at the floor: is the view the right one?")
+    slopes = view.plane_jacobian(xy, float(planes.heights.min()))
+    smallest = 2.0 * half_axes(slopes, np.full(len(xy), planes.radii.min()))[:, 1].min()
+    return RingSearch(shape=markers[0].shape, smallest_px=max(6.0, 0.9 * float(smallest)))
