@@ -43,12 +43,22 @@ class CarPlan:
     size_m: tuple[float, float] = (0.50, 0.28)
     shape: RingShape = field(default_factory=RingShape)
 
-    def rings(self, pose: Floats, velocity_m_s: tuple[float, float] = (0.0, 0.0)) -> list[Ring]:
-        """Front and rear ring of a car at `pose` (x, y, heading)."""
-        along = np.array([[self.front_x_m, 0.0], [self.rear_x_m, 0.0]])
+    def rings(
+        self,
+        pose: Floats,
+        velocity_m_s: tuple[float, float] = (0.0, 0.0),
+        turn_rad_s: float = 0.0,
+    ) -> list[Ring]:
+        """Front and rear ring of a car at `pose` (x, y, heading), base_link moving and turning."""
+        arms = np.array([[self.front_x_m, 0.0], [self.rear_x_m, 0.0]])
+        centres = transform_points(pose, arms)
+        from_base = centres - pose[:2]
+        sideways = turn_rad_s * np.stack([-from_base[:, 1], from_base[:, 0]], axis=1)
         return [
-            Ring((float(x), float(y), self.height_m), self.shape, velocity_m_s=velocity_m_s)
-            for x, y in transform_points(pose, along)
+            Ring((*xy, self.height_m), self.shape, velocity_m_s=(vx, vy))
+            for xy, (vx, vy) in zip(
+                centres.tolist(), (sideways + velocity_m_s).tolist(), strict=True
+            )
         ]
 
     def outline(self, pose: Floats) -> Floats:

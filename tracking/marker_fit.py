@@ -21,6 +21,8 @@ _TUKEY = 4.7
 _ROUNDS = 4
 _PRIOR = 0.05
 """Growth and flattening are zero to five times a line's scatter: said by a twentieth of a line."""
+_SHARED = 1.6
+"""Neighbouring lines share pixels: the shift's variance is so much more than theirs would say."""
 _DIM = 0.35
 """A line with less than this share of the marker's contrast crosses no edge."""
 
@@ -54,7 +56,7 @@ def _design(lines: int, ratio: float) -> tuple[Floats, Floats, Floats, float]:
     weights = np.tile([1.0, ratio], lines)
     normal = model.T @ (weights[:, None] * model)
     inverse = np.linalg.solve(normal, model.T * weights)
-    return model, inverse, weights / weights.sum(), float((inverse[0] ** 2).sum())
+    return model, inverse, weights / weights.sum(), _SHARED * float((inverse[0] ** 2).sum())
 
 
 @lru_cache(maxsize=8)
@@ -99,7 +101,7 @@ def robust_fits(contrast: Samples, offsets: Samples, step_px: Floats, ratio: flo
             scatter = 1.4826 * _median(np.abs(left)) + 0.01 * step_px
             share = np.nan_to_num(left / (_TUKEY * scatter[:, None]), nan=9.0)
         weight = weights * np.maximum(1.0 - share**2, 0.0) ** 2
-    covariance = np.linalg.inv(normal)[:, :2, :2] * (scatter**2)[:, None, None]
+    covariance = np.linalg.inv(normal)[:, :2, :2] * (_SHARED * scatter**2)[:, None, None]
     inliers = (weight > 0.25 * weights).mean(axis=1)
     return MarkerFits(
         fit[:, :2], fit[:, 2], scatter, inliers, _median(contrast.reshape(n, -1)), covariance

@@ -26,6 +26,10 @@ _STEP_OF_AXIS = 0.1
 """Seven samples at a tenth of the shorter half axis stay between the edges of a ring."""
 
 
+_CALM, _SMOOTH_PX = 1.3, 0.005
+"""Lines may scatter by so many times what the noise explains, beside a little for the lens."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class TrackerConfig:
     """How markers are followed. The defaults are for cameras that see a ring 10 to 100 px wide."""
@@ -108,11 +112,14 @@ class Look:
         """
         weights = area_filter(2) if weights is None else weights
         levels = sample(image, coordinates)
-        contrast, offsets = edge_offsets(levels, weights, self.config.lines)
-        fits = plain_fits(contrast, offsets, steps_px, self.ratio)
-        calm = 2.0 * self.config.noise * _noise_gain(weights) * steps_px
+        # Where there is no edge, offsets are not finite, and neither is the plain fit.
+        with np.errstate(invalid="ignore", over="ignore"):
+            contrast, offsets = edge_offsets(levels, weights, self.config.lines)
+            fits = plain_fits(contrast, offsets, steps_px, self.ratio)
+            noisy = (fits.scatter_px - _SMOOTH_PX) * fits.contrast
+        calm = _CALM * self.config.noise * _noise_gain(weights) * steps_px
         # A contrast of zero or less is never calm.
-        disturbed = ~((fits.scatter_px - 0.02) * fits.contrast < calm)
+        disturbed = ~(noisy < calm)
         disturbed |= ~(np.abs(fits.growth_px) < 0.5 * steps_px) | ~(fits.contrast > 0.0)
         if disturbed.any():
             again = robust_fits(

@@ -13,6 +13,7 @@ from tracking.rings import RingSearch, RingSightings, find_rings
 
 _SIZE_SHARE, _SIZE_PX = 0.05, 0.6
 """By how much a ring's axes may differ from what its plane demands."""
+_IN_PLACE_M = 0.03
 _ROOM = 2.0
 """A region reaches so many diameters beyond where the marker's middle can be."""
 
@@ -114,3 +115,23 @@ def match_moving(
     matches[np.isin(matches, taken[counts > 1])] = NOBODY
     return matches
 
+
+def may_be(places: Floats, expected: Floats, reach_m: Floats) -> npt.NDArray[np.bool_]:
+    """Which of the m rings may be any of the lost movers: places (k, m, 2), expected (k, 2)."""
+    off = np.linalg.norm(places - expected[:, None], axis=2)
+    # Where nothing is expected, anything of the right size will do.
+    within = (off <= reach_m[:, None]) | ~np.isfinite(reach_m)[:, None]
+    possible: npt.NDArray[np.bool_] = (within & np.isfinite(places).all(axis=2)).any(axis=0)
+    return possible
+
+
+def in_place(
+    matches: npt.NDArray[np.int64], places: Floats, expected: Floats
+) -> npt.NDArray[np.bool_]:
+    """Which matches (k,) are of rings right at the places (k, 2) expected; places (k, m, 2)."""
+    matched = matches != NOBODY
+    if not matched.any():
+        return matched
+    off = np.linalg.norm(places[np.arange(len(matches)), matches] - expected, axis=1)
+    result: npt.NDArray[np.bool_] = matched & (off <= _IN_PLACE_M)
+    return result

@@ -16,7 +16,7 @@ from tracking.profiles import Samples, fixed_maps
 
 _SETTLING = 3
 _PROBE_PX = 0.25
-_STRAYED_PX = 0.7
+_STRAYED_PX = 0.5
 """Further from where it stands it is measured afresh: the filter is exact near the edge only."""
 
 
@@ -46,6 +46,7 @@ class StandingMarkers:
         self._axes = np.ones((n, 2))
         self._steps = np.ones(n)
         self._gain = np.ones(n)
+        self.settled = np.zeros(n, bool)
         lines = look.config.lines
         self._coordinates = ring_coordinates(np.zeros((n, lines, 2, 2)), self._steps)
         self._maps = fixed_maps(self._coordinates)
@@ -57,7 +58,7 @@ class StandingMarkers:
         """Where they are now."""
         fits, _ = self._look.fits(image, self._maps, self._steps, self._filters)
         shift = fits.shift_px / self._gain[:, None]
-        good = self._look.acceptable(fits, self._axes)
+        good = self.settled & self._look.acceptable(fits, self._axes)
         with np.errstate(invalid="ignore"):
             good &= (shift * shift).sum(axis=1) < (_STRAYED_PX * self._steps) ** 2
         xy = self.xy + np.einsum("nij,nj->ni", self._floor_slopes, shift)
@@ -67,7 +68,11 @@ class StandingMarkers:
         """Let some of them stand near these places (k, 2); the ones that are really there.
 
         Those are laid out at the place where this picture shows them; the others keep their place.
+        A marker is settled once at least before it is followed: places from outside are off by
+        more than a look can bear.
         """
+        if not which.size:
+            return which
         before = self.xy[which].copy()
         self.xy[which] = xy
         good = np.ones(len(which), bool)
@@ -78,6 +83,7 @@ class StandingMarkers:
             moved = np.einsum("nij,nj->ni", self._floor_slopes[which], fits.shift_px)
             self.xy[which] += np.where(good[:, None], moved, 0.0)
         self.xy[which[~good]] = before[~good]
+        self.settled[which[good]] = True
         self._lay_out(which)
         self._calibrate(image, which[good])
         return which[good]

@@ -20,11 +20,13 @@ from tracking.markers import Marker, State, TrackedFrame
 from tracking.measuring import Look, TrackerConfig
 from tracking.moving import MovingMarkers
 from tracking.outlines import RingPlanes, half_axes
-from tracking.recovery import Recovery, match_moving
+from tracking.recovery import Recovery, in_place, match_moving, may_be
 from tracking.rings import RingSearch
 from tracking.standing import Found, StandingMarkers
 
 Indices = npt.NDArray[np.int64]
+_FAR_M = 0.6
+"""Looking for a marker further around than this is as dear as searching the whole picture."""
 
 
 class RingTracker:
@@ -94,12 +96,22 @@ class RingTracker:
         report = _Report(len(self.markers))
         if self._stand.size:
             report.put(self._stand, self._standing.look(grey), self.config.whole_inliers)
+            if not self._standing.settled.all():
+                self._settle_in_place(grey, report)
         self._follow(grey, t_ns, report)
         if (report.states == State.LOST).any():
             self._search(grey, t_ns, report)
         self._states = report.states
         self._remember_heading(report)
         return report.frame(t_ns)
+
+    def _settle_in_place(self, grey: Image, report: _Report) -> None:
+        """Markers not seen before may stand just where they are said to, to a few pixels."""
+        fresh = np.flatnonzero(~self._standing.settled)
+        settled = self._standing.settle(grey, fresh, self._places[fresh])
+        if settled.size:
+            seen = self._standing.look(grey)
+            report.put(self._stand, seen, self.config.whole_inliers, only=self._stand[settled])
 
     def _follow(self, grey: Image, t_ns: int, report: _Report) -> None:
         """Movers whose speed is known are looked for where they must be."""
@@ -128,55 +140,64 @@ class RingTracker:
 
     def _search(self, grey: Image, t_ns: int, report: _Report) -> None:
         """Look for what is lost; only now and then where that means much of the picture."""
-        lost_movers = np.flatnonzero(report.states[self._move] == State.LOST)
-        reach = self._reach(t_ns)[lost_movers]
         due = self._searched_ns is None or (
             (t_ns - self._searched_ns) * 1e-9 >= self.config.search_period_s
         )
-        lost_standing = np.flatnonzero(report.states[self._stand] == State.LOST) if due else []
-        near = np.isfinite(reach) & (reach < self._far_m())
-        lost_movers = lost_movers if due else lost_movers[near]
+        standing = np.flatnonzero(report.states[self._stand] == State.LOST)
+        movers = np.flatnonzero(report.states[self._move] == State.LOST)
+        reach = self._reach(t_ns)
         if due:
             self._searched_ns = t_ns
-        if not (len(lost_movers) or len(lost_standing)):
+        else:
+            standing, movers = standing[:0], movers[reach[movers] < _FAR_M]
+        if not (standing.size or movers.size):
             return
-        self._search_standing(grey, np.asarray(lost_standing, np.int64), report)
-        self._search_moving(grey, lost_movers, t_ns, report)
-
-    def _search_standing(self, grey: Image, local: Indices, report: _Report) -> None:
-        if not local.size:
-            return
-        gate = np.full(local.size, self.config.place_gate_m)
-        expected = self._places[local]
-        region = self._recovery.region(self._stand[local], expected, gate)
+        expected = self._moving.predicted(t_ns)
+        region = self._region(standing, movers, expected, reach)
         found = self._recovery.sightings(grey, region, report.known_px())
-        places = self._recovery.places(found, self._stand[local])
-        matches = unique_matches(expected, gate, places)
-        hit = matches != NOBODY
-        if not hit.any():
+        if not len(found):
             return
+        stand_places = self._recovery.places(found, self._stand[standing])
+        move_places = self._recovery.places(found, self._move)
+        lost = np.zeros(self._move.size, bool)
+        lost[movers] = True
+        gates = np.full(standing.size, self.config.place_gate_m)
+        theirs = unique_matches(self._places[standing], gates, stand_places)
+        sure = in_place(theirs, stand_places, self._places[standing])
+        # A ring right where a marker stands is that marker, and cannot be one that moves.
+        move_places[:, theirs[sure]] = np.nan
+        possible = may_be(move_places[movers], expected[movers], reach[movers])
+        # One beside it may be the marker, moved, or a lost mover: then it is neither.
+        theirs[~sure & (theirs != NOBODY) & possible[theirs]] = NOBODY
+        mine = match_moving(
+            move_places, expected, reach, lost, report.xy[self._move], self._pair, self._heading
+        )
+        self._stand_again(grey, standing, theirs, stand_places, report)
+        self._move_again(grey, mine, move_places, t_ns, report)
+
+    def _region(
+        self, standing: Indices, movers: Indices, expected: Floats, reach: Floats
+    ) -> tuple[slice, slice] | None:
+        """The part of the picture in which these can be, None for all of it."""
+        if not (reach[movers] < _FAR_M).all():
+            return None
+        which = np.concatenate([self._stand[standing], self._move[movers]])
+        xy = np.concatenate([self._places[standing], expected[movers]])
+        gates = np.full(standing.size, self.config.place_gate_m)
+        return self._recovery.region(which, xy, np.concatenate([gates, reach[movers]]))
+
+    def _stand_again(
+        self, grey: Image, local: Indices, matches: Indices, places: Floats, report: _Report
+    ) -> None:
+        hit = np.flatnonzero(matches != NOBODY)
         settled = self._standing.settle(grey, local[hit], places[hit, matches[hit]])
         if settled.size:
             seen = self._standing.look(grey)
             report.put(self._stand, seen, self.config.whole_inliers, only=self._stand[settled])
 
-    def _search_moving(self, grey: Image, lost: Indices, t_ns: int, report: _Report) -> None:
-        if not lost.size:
-            return
-        expected, reach = self._moving.predicted(t_ns), self._reach(t_ns)
-        unknown = ~np.isfinite(reach[lost]) | (reach[lost] > self._far_m())
-        region = None
-        if not unknown.any():
-            region = self._recovery.region(self._move[lost], expected[lost], reach[lost])
-        found = self._recovery.sightings(grey, region, report.known_px())
-        places = self._recovery.places(found, self._move)
-        is_lost = np.zeros(self._move.size, bool)
-        is_lost[lost] = True
-        seen_xy = report.xy[self._move]
-        matches = match_moving(
-            places, expected, np.where(np.isfinite(reach), reach, np.inf), is_lost, seen_xy,
-            self._pair, self._heading,
-        )  # fmt: skip
+    def _move_again(
+        self, grey: Image, matches: Indices, places: Floats, t_ns: int, report: _Report
+    ) -> None:
         hit = np.flatnonzero(matches != NOBODY)
         if not hit.size:
             return
@@ -194,10 +215,6 @@ class RingTracker:
         )
         seen = np.isfinite(self._moving.xy).all(axis=1)
         return np.where(seen, 0.02 + unsure, np.inf)
-
-    def _far_m(self) -> float:
-        """A region beyond this is as dear as the whole picture."""
-        return 0.6
 
     def _remember_heading(self, report: _Report) -> None:
         if self._pair is None:
