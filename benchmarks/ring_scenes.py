@@ -50,7 +50,7 @@ def cones(view: View, count: int, rng: np.random.Generator, lane_m: tuple[float,
 
 @dataclass(frozen=True)
 class Drive:
-    """A car on a circle round the middle of the world, speeding up to `top_m_s` and staying there."""
+    """A car on a circle round the middle of the world that speeds up to `top_m_s`."""
 
     radius_m: float = 0.8
     start_m_s: float = 0.8

@@ -94,13 +94,14 @@ class OverheadScene:
         rings: Sequence[Ring],
         *,
         floor: Grey | None = None,
-        levels: Levels = Levels(),
-        blur: Blur = Blur(),
+        levels: Levels | None = None,
+        blur: Blur | None = None,
     ) -> None:
-        self.view, self.rings, self.levels, self.blur = view, tuple(rings), levels, blur
+        self.view, self.rings = view, tuple(rings)
+        self.levels, self.blur = levels or Levels(), blur or Blur()
         shape = (view.camera.height_px, view.camera.width_px)
         if floor is None:
-            floor = plain_floor(shape, np.random.default_rng(0), levels.floor)
+            floor = plain_floor(shape, np.random.default_rng(0), self.levels.floor)
         if floor.shape != shape:
             raise ValueError(f"the floor has shape {floor.shape}, the camera sees {shape}")
         self._still = self._with_rings(floor.copy(), self.rings)

@@ -160,7 +160,10 @@ def test_no_file_knows_the_machine_it_was_written_on() -> None:
     assert offenders == []
 
 
-@pytest.mark.parametrize("room", sorted({"dialogue", "drivers", "geometry", "capture", "tracking", "simulation", "scoring"}))
+@pytest.mark.parametrize(
+    "room",
+    sorted({"dialogue", "drivers", "geometry", "capture", "tracking", "simulation", "scoring"}),
+)
 def test_a_room_opens_without_heavy_imports(room: str) -> None:
     """`trackside --help` must answer at once, and scoring must run where SLAM is not installed."""
     program = f"import {room}, sys; print(*sys.modules)"

@@ -29,9 +29,11 @@ _DIM = 0.35
 
 @dataclass(frozen=True, eq=False)
 class MarkerFits:
-    """n fits. shift_px : (n, 2); growth_px : (n,) of the outer edge; scatter_px : (n,) of lines
-    round the fit; inliers : (n,) share of the lines that count; contrast : (n,);
-    covariance_px : (n, 2, 2) of the shift.
+    """How n markers are off from where they were expected.
+
+    shift_px : (n, 2); growth_px : (n,) of the outer edge; scatter_px : (n,) of the lines round the
+    fit; inliers : (n,) share of the lines that count; contrast : (n,); covariance_px : (n, 2, 2) of
+    the shift.
     """
 
     shift_px: Floats
@@ -63,8 +65,11 @@ def _design(lines: int, ratio: float) -> tuple[Floats, Floats, Floats, float]:
 def _single_design(lines: int, ratio: float) -> tuple[Samples, Samples, Samples, float]:
     """`_design` in single precision and transposed: offsets are no better than that."""
     model, inverse, weights, factor = _design(lines, ratio)
-    single = (np.ascontiguousarray(one, np.float32) for one in (model.T, inverse.T, weights))
-    return (*single, factor)  # type: ignore[return-value]
+
+    def single(array: Floats) -> Samples:
+        return np.ascontiguousarray(array, np.float32)
+
+    return single(model.T), single(inverse.T), single(weights), factor
 
 
 def plain_fits(contrast: Samples, offsets: Samples, steps_px: Floats, ratio: float) -> MarkerFits:
@@ -74,11 +79,12 @@ def plain_fits(contrast: Samples, offsets: Samples, steps_px: Floats, ratio: flo
     flat = offsets.reshape(n, -1)
     fit = flat @ inverse
     left = flat - fit @ model
-    variance = (left * left) @ weights * (steps_px * steps_px)
+    variance: Floats = (left * left) @ weights * (steps_px * steps_px)
     covariance = (factor * variance)[:, None, None] * np.eye(2)
-    fit = fit * steps_px[:, None]
-    typical = contrast.reshape(n, -1) @ weights
-    return MarkerFits(fit[:, :2], fit[:, 2], np.sqrt(variance), np.ones(n), typical, covariance)
+    fit_px: Floats = fit * steps_px[:, None]
+    typical = np.asarray(contrast.reshape(n, -1) @ weights, np.float64)
+    shift, growth, scatter = fit_px[:, :2], fit_px[:, 2], np.asarray(np.sqrt(variance))
+    return MarkerFits(shift, growth, scatter, np.ones(n), typical, covariance)
 
 
 def robust_fits(contrast: Samples, offsets: Samples, step_px: Floats, ratio: float) -> MarkerFits:
@@ -104,13 +110,18 @@ def robust_fits(contrast: Samples, offsets: Samples, step_px: Floats, ratio: flo
     covariance = np.linalg.inv(normal)[:, :2, :2] * (_SHARED * scatter**2)[:, None, None]
     inliers = (weight > 0.25 * weights).mean(axis=1)
     return MarkerFits(
-        fit[:, :2], fit[:, 2], scatter, inliers, _median(contrast.reshape(n, -1)), covariance
+        fit[:, :2],
+        fit[:, 2],
+        scatter,
+        inliers,
+        _median(contrast.reshape(n, -1).astype(np.float64)),
+        covariance,
     )
 
 
-def _lit(contrast: Floats, offset_px: Floats, step_px: Floats) -> npt.NDArray[np.bool_]:
+def _lit(contrast: Samples, offset_px: Floats, step_px: Floats) -> npt.NDArray[np.bool_]:
     n = len(contrast)
-    typical = _median(np.maximum(contrast.reshape(n, -1), 0.0))
+    typical = _median(np.maximum(contrast.reshape(n, -1), 0.0).astype(np.float64))
     within = np.abs(offset_px) < (REACH * step_px)[:, None, None]
     lit: npt.NDArray[np.bool_] = within & (contrast > _DIM * typical[:, None, None])
     return lit.reshape(n, -1)

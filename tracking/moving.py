@@ -7,17 +7,15 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from geometry import Floats, View, at_height
-from tracking.images import Image
+from geometry import Floats, View
 from tracking.edges import line_offsets
+from tracking.images import Image
 from tracking.measuring import Look, line_steps
 from tracking.outlines import RingPlanes, RingTemplates, ring_templates
 from tracking.profiles import Samples, line_points, line_vectors
 from tracking.standing import Found
 
-_Prepared: TypeAlias = tuple[
-    npt.NDArray[np.int64], Floats, tuple[RingTemplates, Floats, Samples]
-]
+_Prepared: TypeAlias = tuple[npt.NDArray[np.int64], Floats, tuple[RingTemplates, Floats, Samples]]
 
 _NEAR_PX = 0.4
 _TEMPLATE_SERVES_M = 0.1
@@ -38,11 +36,11 @@ class MovingMarkers:
         """Between the last two sights."""
 
     def predicted(self, t_ns: int) -> Floats:
-        """Where they should be, (n, 2): constant acceleration; where they were if no speed is known."""
+        """Where they should be (n, 2) at constant acceleration, or were if no speed is known."""
         after_s = self.since(t_ns)[:, None]
-        velocity = np.nan_to_num(self.velocity)
-        bend = self._acceleration * (after_s + self._before_s[:, None]) / 2.0
-        return self.xy + (velocity + bend) * after_s
+        bend = self._acceleration * ((after_s + self._before_s[:, None]) / 2.0)
+        step = (self.velocity + bend) * after_s
+        return np.where(np.isfinite(step), self.xy + step, self.xy)
 
     def since(self, t_ns: int) -> Floats:
         """Seconds (n,) since each was last seen."""
@@ -69,9 +67,8 @@ class MovingMarkers:
         good = look.acceptable(fits, rings.axes_px)
         centres = centres + shift
         # The picture of the floor is bent; one step of Newton's method makes the line exact.
-        planes = self._planes.heights[which]
         xy = expected + _times(rings.inverse, shift)
-        xy += _times(rings.inverse, centres - self._view.project(at_height(xy, planes)))
+        xy += _times(rings.inverse, centres - rings.centres(self._view, xy))
         return Found(good, centres, xy, rings.inverse, fits)
 
     def _prepared(
@@ -91,20 +88,21 @@ class MovingMarkers:
         return prepared
 
     def keep(self, which: npt.NDArray[np.int64], xy: Floats, t_ns: int, fresh: bool) -> None:
-        """Take these places (k, 2) as seen at t. fresh : found by search, no speed follows."""
-        after_s = self.since(t_ns)[which]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            velocity = (xy - self.xy[which]) / after_s[:, None]
+        """Take these places (k, 2) as seen at t; fresh ones, found by search, tell no speed-up."""
+        if not which.size:
+            return
+        after_s = (t_ns - self._t_ns[which]) * 1e-9
+        # Of one never seen before, position and so velocity are NaN.
+        velocity = (xy - self.xy[which]) / np.maximum(after_s, 1e-6)[:, None]
+        if fresh:
+            self._acceleration[which] = 0.0
+        else:
             between_s = (after_s + self._before_s[which]) / 2.0
+            limit = self._look.config.max_acceleration_m_s2
             bend = (velocity - self.velocity[which]) / between_s[:, None]
-        known = after_s > 0.0
-        limit = self._look.config.max_acceleration_m_s2
-        bend = np.where(np.isfinite(bend) & known[:, None], np.clip(bend, -limit, limit), 0.0)
-        self.velocity[which] = np.where(known[:, None], velocity, np.nan)
-        self._acceleration[which] = 0.0 if fresh else bend
-        self._before_s[which] = after_s
-        self.xy[which] = xy
-        self._t_ns[which] = t_ns
+            self._acceleration[which] = np.minimum(np.maximum(bend, -limit), limit)
+        self.velocity[which], self.xy[which] = velocity, xy
+        self._before_s[which], self._t_ns[which] = after_s, t_ns
 
 
 def _times(matrices: Floats, vectors: Floats) -> Floats:

@@ -9,6 +9,7 @@ import numpy as np
 from geometry import Floats, View, at_height
 from tracking.profiles import spokes
 
+
 @dataclass(frozen=True, eq=False)
 class RingPlanes:
     """Heights (n,) and outer radii (n,) of n rings, and their one ratio of diameters."""
@@ -45,6 +46,11 @@ class RingTemplates:
         feet = xy @ view.rotation[:, :2].T + view.translation
         pixels = view.camera.project(self.spread + feet[:, None, :])
         return pixels[:, :-1].reshape(len(xy), -1, 2, 2), pixels[:, -1]
+
+    def centres(self, view: View, xy: Floats) -> Floats:
+        """Pixels (n, 2) of the centres of the rings round (n, 2)."""
+        feet = xy @ view.rotation[:, :2].T + view.translation
+        return view.camera.project(self.spread[:, -1] + feet)
 
 
 def ring_templates(view: View, xy: Floats, planes: RingPlanes, lines: int) -> RingTemplates:

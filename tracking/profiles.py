@@ -1,9 +1,9 @@
 """Where to sample around a ring: short lines across its edges.
 
-Every marker gets the same K lines, so that all markers are sampled by one `remap` and solved by one
-matrix. Line k crosses the edge where the edge's *normal* has the angle 2 pi k / K. The place of a
-closed convex curve is then the first harmonic of its offsets along the lines, whatever the marker's
-shape in the image; size and flattening are harmonics 0 and 2, and nothing of one leaks into another.
+Every marker gets the same K lines, so that all are sampled by one `remap` and solved by one matrix.
+Line k crosses the edge where the edge's *normal* has the angle 2 pi k / K. The place of a closed
+convex curve is then the first harmonic of its offsets along the lines, whatever its shape in the
+image; size and flattening are harmonics 0 and 2, and nothing of one leaks into another.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ from tracking.images import Image
 
 Samples: TypeAlias = npt.NDArray[np.float32]
 FixedMaps: TypeAlias = tuple[npt.NDArray[np.int16], npt.NDArray[np.uint16]]
+
+_NOTHING = np.zeros((0, 0), np.float32)
 
 
 @lru_cache(maxsize=8)
@@ -42,7 +44,7 @@ def harmonics(lines: int) -> Floats:
 @lru_cache(maxsize=8)
 def harmonic_fit(lines: int) -> Floats:
     """The least squares inverse of `harmonics`, (5, K)."""
-    return _fixed(np.linalg.pinv(harmonics(lines)))
+    return _fixed(np.asarray(np.linalg.pinv(harmonics(lines)), np.float64))
 
 
 def spokes(shapes: Floats, lines: int) -> Floats:
@@ -69,12 +71,13 @@ def line_points(edges: Floats, vectors: Samples) -> Samples:
 
 
 def fixed_maps(coordinates: Samples) -> FixedMaps:
-    """Sample points (n, points, 2) as OpenCV looks them up fastest: 1/32 of a pixel, the grid to
-    which it rounds coordinates in any case.
+    """Sample points (n, points, 2) in the form in which OpenCV looks them up fastest.
+
+    In 1/32 of a pixel, the grid to which it rounds coordinates in any case.
     """
     import cv2
 
-    whole, part = cv2.convertMaps(coordinates, None, cv2.CV_16SC2)
+    whole, part = cv2.convertMaps(coordinates, _NOTHING, cv2.CV_16SC2)
     return np.asarray(whole, np.int16), np.asarray(part, np.uint16)
 
 
@@ -82,7 +85,7 @@ def sample(image: Image, coordinates: Samples | FixedMaps) -> Samples:
     """Bilinear grey levels (n, points) at (n, points, 2); beyond the border its last pixel."""
     import cv2
 
-    first, second = coordinates if isinstance(coordinates, tuple) else (coordinates, None)
+    first, second = coordinates if isinstance(coordinates, tuple) else (coordinates, _NOTHING)
     if not len(first):
         return np.zeros(first.shape[:2], np.float32)
     levels = cv2.remap(image, first, second, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)

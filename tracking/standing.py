@@ -64,7 +64,9 @@ class StandingMarkers:
         xy = self.xy + np.einsum("nij,nj->ni", self._floor_slopes, shift)
         return Found(good, self._centres + shift, xy, self._floor_slopes, fits)
 
-    def settle(self, image: Image, which: npt.NDArray[np.int64], xy: Floats) -> npt.NDArray[np.int64]:
+    def settle(
+        self, image: Image, which: npt.NDArray[np.int64], xy: Floats
+    ) -> npt.NDArray[np.int64]:
         """Let some of them stand near these places (k, 2); the ones that are really there.
 
         Those are laid out at the place where this picture shows them; the others keep their place.
@@ -107,7 +109,7 @@ class StandingMarkers:
         filters = self._filters if self._filters.ndim == 2 else self._filters[which]
         seen = []
         for aside in (-_PROBE_PX, _PROBE_PX):
-            shifted = self._coordinates[which] + np.float32([aside, 0.0])
+            shifted = self._coordinates[which] + np.array([aside, 0.0], np.float32)
             fits, _ = self._look.fits(image, shifted, self._steps[which], filters)
             seen.append(fits.shift_px[:, 0])
         gain = (seen[0] - seen[1]) / (2.0 * _PROBE_PX)

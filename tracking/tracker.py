@@ -41,11 +41,12 @@ class RingTracker:
         self,
         view: View,
         markers: Sequence[Marker],
-        config: TrackerConfig = TrackerConfig(),
+        config: TrackerConfig | None = None,
         pair: tuple[str, str, float] | None = None,
         search: RingSearch | None = None,
     ) -> None:
-        self.markers, self.config = tuple(markers), config
+        self.markers = tuple(markers)
+        self.config = config = config or TrackerConfig()
         names = [marker.name for marker in self.markers]
         if len(set(names)) != len(names) or not names:
             raise TrackingError(f"markers need names, each its own; got {names}")
@@ -75,7 +76,7 @@ class RingTracker:
         self._searched_ns: int | None = None
 
     def expect_heading(self, heading_rad: float) -> None:
-        """Tell which way the car points, to a sixth of a turn; its rings do not say it themselves."""
+        """Tell which way the car points, to a sixth of a turn; its rings alone do not say."""
         self._heading = float(heading_rad)
 
     def step(self, image: npt.NDArray[np.generic], t_ns: int) -> TrackedFrame:
@@ -239,7 +240,7 @@ class _Report:
         self.centres, self.xy = self._rows[:, :2], self._rows[:, 2:4]
 
     def put(self, which: Indices, found: Found, whole: float, only: Indices | None = None) -> None:
-        """Enter what was found of the markers `which`, or of those among them that are in `only`."""
+        """Enter what was found of the markers `which`, or of those of them that are in `only`."""
         good = found.good if only is None else found.good & np.isin(which, only)
         fits, slopes = found.fits, found.floor_slopes
         n = len(which)
@@ -255,7 +256,7 @@ class _Report:
 
     def known_px(self) -> Floats:
         """Where rings are that need no owner any more, (j, 2)."""
-        return self.centres[self.states != State.LOST]
+        return np.asarray(self.centres[self.states != State.LOST])
 
     def frame(self, t_ns: int) -> TrackedFrame:
         """What the user gets."""
