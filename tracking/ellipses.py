@@ -26,7 +26,7 @@ from tracking.profiles import (
 )
 
 LINES = 48
-_REACHES = (0.40, 0.30, 0.22, 0.18)
+_REACHES = (0.40, 0.30, 0.28, 0.28, 0.28)
 """Half a line's length over the small half axis, from pass to pass."""
 _LONGEST_PX = 4.0
 """Of half a line in the last passes; an edge of a usual camera is no wider."""

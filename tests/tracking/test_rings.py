@@ -91,12 +91,16 @@ def test_dark_and_bright_pictures_show_them_too(gain: float) -> None:
 
 
 def test_rings_of_every_size_are_found_in_one_picture() -> None:
-    floor = np.full((480, 640), 110.0, np.float32)
+    rows, columns = np.mgrid[:1920, :2560] / 4.0 - 0.375
+    picture = np.full(rows.shape, 110.0, np.float32)
     for x, radius in ((40, 11.0), (110, 20.0), (230, 45.0), (460, 120.0)):
+        distance = np.hypot(columns - x, rows - 240) / radius
         for scale, grey in ((1.35, 170.0), (1.0, 45.0), (50.0 / 122.0, 170.0)):
-            size = round(16 * scale * radius)
-            cv2.circle(floor, (16 * x, 16 * 240), size, grey, -1, cv2.LINE_AA, 4)
-    found = find_rings(floor.astype(np.uint8))
+            picture[distance < scale] = grey
+    picture = cv2.GaussianBlur(picture, (0, 0), 2.8)
+    found = find_rings(
+        cv2.resize(picture, (640, 480), interpolation=cv2.INTER_AREA).astype(np.uint8)
+    )
     np.testing.assert_allclose(sorted(found.centres_px[:, 0]), [40, 110, 230, 460], atol=0.1)
     np.testing.assert_allclose(sorted(found.diameters_px[:, 0]), [22, 40, 90, 240], rtol=0.03)
 
