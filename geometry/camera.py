@@ -62,7 +62,7 @@ class Camera:
         return pixels
 
     def distortion_jacobian(self, plane: Floats) -> Floats:
-        """d pixel / d plane, (..., 2, 2), at points (..., 2) on the plane z = 1."""
+        """D pixel / d plane, (..., 2, 2), at points (..., 2) on the plane z = 1."""
         x, y = plane[..., 0], plane[..., 1]
         k1, k2, p1, p2, k3 = self.distortion
         r2 = x * x + y * y
@@ -149,10 +149,11 @@ class View:
         with np.errstate(divide="ignore", invalid="ignore"):
             along = (np.asarray(height_m) - position[2]) / directions[..., 2]
         along = np.where(along > 0.0, along, np.nan)
-        return position[:2] + along[..., None] * directions[..., :2]
+        xy: Floats = position[:2] + along[..., None] * directions[..., :2]
+        return xy
 
     def plane_jacobian(self, xy: Floats, height_m: float | Floats) -> Floats:
-        """d pixel / d (x, y) at world points (..., 2) of the plane z = height, (..., 2, 2)."""
+        """D pixel / d (x, y) at world points (..., 2) of the plane z = height, (..., 2, 2)."""
         points = at_height(xy, height_m) @ self.rotation.T + self.translation
         z = points[..., 2]
         plane = points[..., :2] / z[..., None]
@@ -176,7 +177,7 @@ def looking_at(camera: Camera, position_m: Floats, target_m: Floats, up: Floats)
     """
     forward = np.asarray(target_m, dtype=np.float64) - position_m
     right = np.cross(forward, up)
-    lengths = np.linalg.norm(forward), np.linalg.norm(right)
+    lengths = float(np.linalg.norm(forward)), float(np.linalg.norm(right))
     if lengths[1] < 1e-9 * max(lengths[0], 1e-9):
         raise CameraError("the camera must look somewhere, and not along `up`")
     forward, right = forward / lengths[0], right / lengths[1]

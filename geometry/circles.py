@@ -81,9 +81,7 @@ def apparent_centre(view: View, xy: Floats, height_m: float | Floats, radius_m: 
     return np.asarray(origin[..., 0, :] + moment / area[..., None])
 
 
-def circle_centres(
-    view: View, pixels: Floats, height_m: float | Floats, radius_m: float
-) -> Floats:
+def circle_centres(view: View, pixels: Floats, height_m: float | Floats, radius_m: float) -> Floats:
     """World x, y (..., 2) of the centres of circles whose images have these centroids (..., 2).
 
     The bias of the ellipse's centre, perspective and distortion together, removed exactly. NaN

@@ -100,7 +100,7 @@ def refine_view(start: View, points_world: Floats, pixels: Floats) -> PoseFit:
         normal = jacobian.T @ jacobian
         gradient = jacobian.T @ residuals.ravel()
         damped = normal + damping * np.diag(np.diag(normal))
-        step = np.linalg.solve(damped, gradient)
+        step: Floats = np.asarray(np.linalg.solve(damped, gradient), np.float64)
         trial = _moved(view, step)
         missed = pixels - trial.project(points_world)
         better = np.isfinite(missed).all() and (missed**2).sum() <= (residuals**2).sum()
@@ -113,7 +113,8 @@ def refine_view(start: View, points_world: Floats, pixels: Floats) -> PoseFit:
         if np.abs(step).max() < 1e-12:
             break
     jacobian = _pose_jacobian(view, points_world)
-    return PoseFit(view, residuals, np.linalg.pinv(jacobian.T @ jacobian))
+    covariance = np.asarray(np.linalg.pinv(jacobian.T @ jacobian), np.float64)
+    return PoseFit(view, residuals, covariance)
 
 
 def turned(turn_rad: Floats) -> Floats:
@@ -140,7 +141,7 @@ def _moved(view: View, step: Floats) -> View:
 
 
 def _pose_jacobian(view: View, points_world: Floats) -> Floats:
-    """d pixel / d (turn, translation), (2 n, 6)."""
+    """D pixel / d (turn, translation), (2 n, 6)."""
     rotated = points_world @ view.rotation.T
     points = rotated + view.translation
     z = points[:, 2]

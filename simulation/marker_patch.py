@@ -7,7 +7,7 @@ distance gradient), so that a few subpixels a side are as good as dozens.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -28,7 +28,7 @@ class Ring:
     """
 
     xyz_m: tuple[float, float, float]
-    shape: RingShape = RingShape()
+    shape: RingShape = field(default_factory=RingShape)
     tilt_rad: tuple[float, float] = (0.0, 0.0)
     velocity_m_s: tuple[float, float] = (0.0, 0.0)
 
@@ -135,7 +135,7 @@ def _cast(
     inner, outer = ring.shape.inner_diameter_m / 2.0, ring.shape.radius_m
 
     def share(edge_m: float) -> Floats:
-        return np.clip(0.5 - (radius - edge_m) / step, 0.0, 1.0)
+        return np.asarray(np.clip(0.5 - (radius - edge_m) / step, 0.0, 1.0))
 
     coverage = share(outer * ring.shape.margin)
     light = paper * coverage - (paper - black) * (share(outer) - share(inner))

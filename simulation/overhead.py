@@ -43,12 +43,22 @@ class CarPlan:
     size_m: tuple[float, float] = (0.50, 0.28)
     shape: RingShape = field(default_factory=RingShape)
 
-    def rings(self, pose: Floats, velocity_m_s: tuple[float, float] = (0.0, 0.0)) -> list[Ring]:
-        """Front and rear ring of a car at `pose` (x, y, heading)."""
-        along = np.array([[self.front_x_m, 0.0], [self.rear_x_m, 0.0]])
+    def rings(
+        self,
+        pose: Floats,
+        velocity_m_s: tuple[float, float] = (0.0, 0.0),
+        turn_rad_s: float = 0.0,
+    ) -> list[Ring]:
+        """Front and rear ring of a car at `pose` (x, y, heading), base_link moving and turning."""
+        arms = np.array([[self.front_x_m, 0.0], [self.rear_x_m, 0.0]])
+        centres = transform_points(pose, arms)
+        from_base = centres - pose[:2]
+        sideways = turn_rad_s * np.stack([-from_base[:, 1], from_base[:, 0]], axis=1)
         return [
-            Ring((float(x), float(y), self.height_m), self.shape, velocity_m_s=velocity_m_s)
-            for x, y in transform_points(pose, along)
+            Ring((*xy, self.height_m), self.shape, velocity_m_s=(vx, vy))
+            for xy, (vx, vy) in zip(
+                centres.tolist(), (sideways + velocity_m_s).tolist(), strict=True
+            )
         ]
 
     def outline(self, pose: Floats) -> Floats:
@@ -84,13 +94,14 @@ class OverheadScene:
         rings: Sequence[Ring],
         *,
         floor: Grey | None = None,
-        levels: Levels = Levels(),
-        blur: Blur = Blur(),
+        levels: Levels | None = None,
+        blur: Blur | None = None,
     ) -> None:
-        self.view, self.rings, self.levels, self.blur = view, tuple(rings), levels, blur
+        self.view, self.rings = view, tuple(rings)
+        self.levels, self.blur = levels or Levels(), blur or Blur()
         shape = (view.camera.height_px, view.camera.width_px)
         if floor is None:
-            floor = plain_floor(shape, np.random.default_rng(0), levels.floor)
+            floor = plain_floor(shape, np.random.default_rng(0), self.levels.floor)
         if floor.shape != shape:
             raise ValueError(f"the floor has shape {floor.shape}, the camera sees {shape}")
         self._still = self._with_rings(floor.copy(), self.rings)

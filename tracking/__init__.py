@@ -6,15 +6,29 @@ points. OpenCV is loaded when the first picture is looked at.
 """
 
 from tracking.errors import ImageError, TrackingError
+from tracking.identity import RingPair, car_pose, heading_between, pair_match, unique_matches
 from tracking.images import Image, grey_image
+from tracking.markers import Marker, State, TrackedFrame
+from tracking.measuring import TrackerConfig
 from tracking.rings import RingSearch, RingSightings, find_rings
+from tracking.tracker import RingTracker
 
 __all__ = [
     "Image",
     "ImageError",
+    "Marker",
+    "RingPair",
     "RingSearch",
     "RingSightings",
+    "RingTracker",
+    "State",
+    "TrackedFrame",
+    "TrackerConfig",
     "TrackingError",
+    "car_pose",
     "find_rings",
     "grey_image",
+    "heading_between",
+    "pair_match",
+    "unique_matches",
 ]

@@ -6,7 +6,8 @@ for the larger ones: each octave of sizes is looked for where it is ten to thirt
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -66,7 +67,7 @@ def _in_copy(copy: Image, ratio: float, below_mean: float) -> tuple[Floats, Floa
         copy, 255, cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY_INV, _BLOCK_PX, below_mean
     )
     contours, hierarchy = cv2.findContours(black, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
-    if hierarchy is None:
+    if not len(contours):
         return np.zeros((0, 2)), np.zeros((0, 2))
     parents = hierarchy[0, :, 3]
     corners = np.fromiter(map(len, contours), np.int64, len(contours))
@@ -83,7 +84,7 @@ def _in_copy(copy: Image, ratio: float, below_mean: float) -> tuple[Floats, Floa
 
 
 def _rings(inner: Floats, outer: Floats, ratio: float) -> tuple[Floats, Floats]:
-    """Outer edges where ring and hole fit; where the ring runs into something dark, from the hole."""
+    """Outer edges where ring and hole fit; from the hole where the ring runs into the dark."""
     size = outer[:, 2:].max(axis=1)
     share = inner[:, 2:] / outer[:, 2:]
     aside = np.abs(inner[:, :2] - outer[:, :2]).max(axis=1)
@@ -101,7 +102,7 @@ def _rings(inner: Floats, outer: Floats, ratio: float) -> tuple[Floats, Floats]:
     return centres, np.concatenate([outer[whole, 2:] / 2.0, half[torn]])
 
 
-def _boxes(contours: tuple[npt.NDArray[np.generic], ...], which: npt.NDArray[np.generic]) -> Floats:
+def _boxes(contours: Sequence[Any], which: npt.NDArray[np.generic]) -> Floats:
     """Middle and size (n, 4) of the contours' bounding boxes, pixels counted whole."""
     import cv2
 

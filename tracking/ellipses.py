@@ -15,16 +15,18 @@ from geometry import Floats
 from tracking.edges import REACH, area_filter, edge_offsets, line_offsets
 from tracking.images import Image
 from tracking.profiles import (
+    Samples,
     harmonic_fit,
     harmonics,
-    line_coordinates,
     line_directions,
+    line_points,
+    line_vectors,
     sample,
     spokes,
 )
 
 LINES = 48
-_REACHES = (0.40, 0.30, 0.22, 0.18)
+_REACHES = (0.40, 0.30, 0.28, 0.28, 0.28)
 """Half a line's length over the small half axis, from pass to pass."""
 _LONGEST_PX = 4.0
 """Of half a line in the last passes; an edge of a usual camera is no wider."""
@@ -39,7 +41,8 @@ class Ellipses:
     """Outer edges: centres (n, 2), shapes (n, 2, 2).
 
     residual_px : (n,) robust scatter of the edge around the ellipse; inliers : (n,) share of lines
-    that agree; lumps_px : (n,) amplitude of harmonics 3 and 4; contrast : (n,) median, light outside; covariance : (n, 2, 2) of the centre.
+    that agree; lumps_px : (n,) amplitude of harmonics 3 and 4; contrast : (n,) median, light
+    outside; covariance : (n, 2, 2) of the centre.
     """
 
     centres: Floats
@@ -66,14 +69,16 @@ def refine_ellipses(image: Image, centres: Floats, halves: Floats) -> Ellipses:
     q = np.zeros((len(centres), 2, 2))
     q[:, 0, 0], q[:, 1, 1] = halves[:, 0] ** 2, halves[:, 1] ** 2
     for turn, reach in enumerate(_REACHES):
-        shapes = np.linalg.cholesky(q)
+        shapes = _root(q)
         # |det| is the product of the half axes, and the large one is below the trace's root.
         small = np.linalg.det(shapes) / np.sqrt(np.trace(q, axis1=1, axis2=2))
         half_px = np.maximum(reach * small, 1.0)
         half_px = np.minimum(half_px, _LONGEST_PX) if turn >= len(_REACHES) // 2 else half_px
         step = half_px / REACH
         edges = centres[:, None, :] + spokes(shapes, LINES) @ shapes.transpose(0, 2, 1)
-        levels = sample(image, line_coordinates(edges[:, :, None], line_offsets(step)))
+        levels = sample(
+            image, line_points(edges[:, :, None], line_vectors(LINES, line_offsets(step)))
+        )
         contrast, offset = edge_offsets(levels, area_filter(1), LINES)
         shift = np.clip(np.nan_to_num(offset[..., 0]), -REACH, REACH) * step[:, None]
         fit, weight, scatter = _robust_harmonics(shift, contrast[..., 0], step)
@@ -86,7 +91,7 @@ def refine_ellipses(image: Image, centres: Floats, halves: Floats) -> Ellipses:
     covariance = np.eye(2) / np.maximum(information, 1e-9)[:, None, None]
     return Ellipses(
         centres,
-        np.linalg.cholesky(q),
+        _root(q),
         scatter,
         (weight > 0.0).mean(axis=1),
         _lumps(shift - fit @ harmonics(LINES).T),
@@ -95,7 +100,7 @@ def refine_ellipses(image: Image, centres: Floats, halves: Floats) -> Ellipses:
     )
 
 
-def _robust_harmonics(shift: Floats, contrast: Floats, step: Floats) -> tuple[Floats, ...]:
+def _robust_harmonics(shift: Floats, contrast: Samples, step: Floats) -> tuple[Floats, ...]:
     """Harmonics (n, 5) of shifts (n, K), the lines' weights (n, K) and the scatter (n,).
 
     Lines without contrast do not count. Two rounds of Tukey's biweight round a plain fit.
@@ -113,6 +118,11 @@ def _robust_harmonics(shift: Floats, contrast: Floats, step: Floats) -> tuple[Fl
         normal = (weight @ products).reshape(-1, 5, 5) + 1e-3 * np.eye(5)
         fit = np.linalg.solve(normal, ((weight * shift) @ base)[..., None])[..., 0]
     return fit, weight, scatter
+
+
+def _root(q: Floats) -> Floats:
+    """Lower triangular S with S S^T = Q (n, 2, 2)."""
+    return np.asarray(np.linalg.cholesky(q), np.float64)
 
 
 def _lumps(residual: Floats) -> Floats:

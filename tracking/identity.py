@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometry import Floats, wrap
+from tracking.errors import TrackingError
 
 NOBODY = -1
 _CLEARLY = 2.5
@@ -32,8 +33,9 @@ class RingPair:
 def unique_matches(expected: Floats, gates_m: Floats, found: Floats) -> npt.NDArray[np.int64]:
     """For each expected place (n, 2) the one found ring that can only be it, or -1.
 
-    found : (m, 2), or (n, m, 2) where each expects the rings elsewhere (at its height). gates_m : (n,) how far from its place each may be. Nearest to each other, within the gate, and
-    no other ring or place nearly as near.
+    found : (m, 2), or (n, m, 2) where each expects the rings elsewhere (at its height). gates_m :
+    (n,) how far from its place each may be. Nearest to each other, within the gate, and no other
+    ring or place nearly as near.
     """
     matches = np.full(len(expected), NOBODY, np.int64)
     apart = np.linalg.norm(expected[:, None] - found, axis=2)
@@ -95,19 +97,21 @@ def car_pose(
 ) -> tuple[Floats, Floats]:
     """Pose (3,) of base_link and its covariance (3, 3) from the two rings on the car's middle line.
 
-    front_x_m, rear_x_m : the lever arms, how far ahead of base_link the rings are.
+    front_x_m, rear_x_m : the lever arms, how far ahead of base_link the rings are. Raises
+    `TrackingError` unless the front ring is ahead of the rear one.
     """
+    if not front_x_m > rear_x_m:
+        raise TrackingError(
+            f"the front ring must be ahead of the rear one, got {front_x_m} and {rear_x_m} m"
+        )
     heading = heading_between(front_xy, rear_xy)
     forward = np.array([np.cos(heading), np.sin(heading)])
     left = np.array([-forward[1], forward[0]])
-    span = front_x_m - rear_x_m
     middle_x = (front_x_m + rear_x_m) / 2.0
     xy = (front_xy + rear_xy) / 2.0 - middle_x * forward
     turn = left / float(np.hypot(*(front_xy - rear_xy)))
-    # d (x, y, heading) / d (front, rear); the span is the plan's, the direction the rings'.
+    # d (x, y, heading) / d (front, rear).
     to_front = np.vstack([np.eye(2) / 2.0 - middle_x * np.outer(left, turn), turn])
     to_rear = np.vstack([np.eye(2) / 2.0 + middle_x * np.outer(left, turn), -turn])
     covariance = to_front @ front_covariance @ to_front.T + to_rear @ rear_covariance @ to_rear.T
-    if span <= 0.0:
-        raise ValueError(f"the front ring must be ahead of the rear one, got a span of {span} m")
     return np.array([*xy, heading]), covariance

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +12,7 @@ from tracking.errors import ImageError
 Image: TypeAlias = npt.NDArray[np.uint8]
 
 
-def grey_image(image: npt.NDArray[np.generic]) -> Image:
+def grey_image(image: npt.NDArray[Any]) -> Image:
     """The picture (h, w) in grey levels: as it is, or from blue, green, red (h, w, 3).
 
     Raises `ImageError` for anything that is not an 8-bit picture.
@@ -24,10 +24,11 @@ def grey_image(image: npt.NDArray[np.generic]) -> Image:
         raise ImageError(
             f"a picture must have shape (h, w) or (h, w, 3), this one has {image.shape}"
         )
-    if image.ndim == 2:
-        return image
-    if image.shape[2] == 1:
-        return image[:, :, 0]
+    picture: Image = image
+    if picture.ndim == 2:
+        return picture
+    if picture.shape[2] == 1:
+        return picture[:, :, 0]
     import cv2
 
-    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8)

@@ -62,4 +62,5 @@ class TrackedFrame:
     @property
     def seen(self) -> npt.NDArray[np.bool_]:
         """Which markers have a position, (n,)."""
-        return self.states != State.LOST
+        seen: npt.NDArray[np.bool_] = self.states != State.LOST
+        return seen

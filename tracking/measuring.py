@@ -16,12 +16,18 @@ from tracking.edges import (
 )
 from tracking.images import Image
 from tracking.marker_fit import MarkerFits, plain_fits, robust_fits
-from tracking.profiles import Samples, line_coordinates, sample
+from tracking.profiles import FixedMaps, Samples, line_points, line_vectors, sample
 
 _LONGEST_STEP_PX = 1.0
-_FAR_PX = 12.0
+_ALIKE = 1.15
+_LARGE_PX = 30.0
+"""Of a larger ring a line across one edge sees no other."""
 _STEP_OF_AXIS = 0.1
 """Seven samples at a tenth of the shorter half axis stay between the edges of a ring."""
+
+
+_CALM, _SMOOTH_PX = 1.3, 0.005
+"""Lines may scatter by so many times what the noise explains, beside a little for the lens."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,25 +68,25 @@ def line_steps(half_axes_px: Floats) -> Floats:
 
 def ring_coordinates(edges: Floats, steps_px: Floats) -> Samples:
     """Sample points (n, K * 2 * m, 2) of outer and inner edges (n, K, 2, 2)."""
-    return line_coordinates(edges, line_offsets(steps_px))
+    return line_points(edges, line_vectors(edges.shape[1], line_offsets(steps_px)))
 
 
 def ring_filters(half_axes_px: Floats, shape: RingShape, sigma_px: float) -> Samples:
     """Matched filters: one (14, 4) for all when rings are of nearly one size, else (n, 14, 4).
 
-    The distances between a ring's edges are those along its shorter axis, where they are least;
-    classes of an eighth of an octave, or every marker would need a filter of its own.
+    The distances between a ring's edges are those along its shorter axis, where they are least.
     """
-    short = np.exp2(np.round(8.0 * np.log2(half_axes_px[:, 1])) / 8.0)
-    # Further away than this an edge is out of any line's sight.
-    short = np.minimum(short, _FAR_PX / min(1.0 - shape.ratio, shape.margin - 1.0 or 1.0))
-    steps = line_steps(half_axes_px)
-    kinds = [*zip(steps.tolist(), short.tolist(), strict=True)]
+    short, steps = half_axes_px[:, 1], line_steps(half_axes_px)
+    if np.ptp(steps) == 0.0 and short.max() < _ALIKE * short.min():
+        sizes = np.full(len(short), np.sqrt(short.max() * short.min()))
+    else:
+        # Classes of an eighth of an octave, or every marker would need a filter of its own.
+        sizes = np.exp2(np.round(8.0 * np.log2(np.minimum(short, _LARGE_PX))) / 8.0)
     filters = [
         matched_filter(step, (1.0 - shape.ratio) * b, (shape.margin - 1.0) * b, sigma_px)
-        for step, b in kinds
+        for step, b in zip(steps.tolist(), sizes.tolist(), strict=True)
     ]
-    return filters[0] if len(set(kinds)) == 1 else np.stack(filters)
+    return filters[0] if len(set(map(id, filters))) == 1 else np.stack(filters)
 
 
 class Look:
@@ -94,7 +100,11 @@ class Look:
         return ring_filters(half_axes_px, self.shape, self.config.edge_sigma_px)
 
     def fits(
-        self, image: Image, coordinates: Samples, steps_px: Floats, weights: Samples | None = None
+        self,
+        image: Image,
+        coordinates: Samples | FixedMaps,
+        steps_px: Floats,
+        weights: Samples | None = None,
     ) -> tuple[MarkerFits, npt.NDArray[np.bool_]]:
         """Fits of n rings, and which of them needed the robust one.
 
@@ -102,16 +112,18 @@ class Look:
         """
         weights = area_filter(2) if weights is None else weights
         levels = sample(image, coordinates)
-        contrast, offset = edge_offsets(levels, weights, self.config.lines)
-        offset_px = offset * steps_px[:, None, None]
-        fits = plain_fits(contrast, offset_px, self.ratio)
-        calm = 2.0 * self.config.noise * _noise_gain(weights) * steps_px
-        with np.errstate(invalid="ignore", divide="ignore"):
-            disturbed = ~(fits.scatter_px < calm / fits.contrast + 0.02)
-        disturbed |= ~(np.abs(fits.growth_px) < 0.5 * steps_px)
+        # Where there is no edge, offsets are not finite, and neither is the plain fit.
+        with np.errstate(invalid="ignore", over="ignore"):
+            contrast, offsets = edge_offsets(levels, weights, self.config.lines)
+            fits = plain_fits(contrast, offsets, steps_px, self.ratio)
+            noisy = (fits.scatter_px - _SMOOTH_PX) * fits.contrast
+        calm = _CALM * self.config.noise * _noise_gain(weights) * steps_px
+        # A contrast of zero or less is never calm.
+        disturbed = ~(noisy < calm)
+        disturbed |= ~(np.abs(fits.growth_px) < 0.5 * steps_px) | ~(fits.contrast > 0.0)
         if disturbed.any():
             again = robust_fits(
-                contrast[disturbed], offset_px[disturbed], steps_px[disturbed], self.ratio
+                contrast[disturbed], offsets[disturbed], steps_px[disturbed], self.ratio
             )
             fits = _merged(fits, again, disturbed)
         return fits, disturbed
@@ -130,7 +142,8 @@ class Look:
 
 def _noise_gain(weights: Samples) -> float:
     """Standard deviation of an offset times contrast, in steps, for noise of one grey level."""
-    return float(np.sqrt((weights[..., 2] ** 2).sum(axis=-1)).max())
+    products = weights[..., 2]
+    return float(np.sqrt(np.einsum("...i,...i->...", products, products).max()))
 
 
 def _merged(first: MarkerFits, second: MarkerFits, where: npt.NDArray[np.bool_]) -> MarkerFits:

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
 import numpy.typing as npt
 
-from geometry import Floats, View, at_height
+from geometry import Floats, View
+from tracking.edges import line_offsets
 from tracking.images import Image
-from tracking.measuring import Look, line_steps, ring_coordinates
-from tracking.outlines import RingPlanes, half_axes, inverse, outlines
+from tracking.measuring import Look, line_steps
+from tracking.outlines import RingPlanes, RingTemplates, ring_templates
+from tracking.profiles import Samples, line_points, line_vectors
 from tracking.standing import Found
+
+_Prepared: TypeAlias = tuple[npt.NDArray[np.int64], Floats, tuple[RingTemplates, Floats, Samples]]
+
+_NEAR_PX = 0.4
+_TEMPLATE_SERVES_M = 0.1
 
 
 class MovingMarkers:
@@ -21,17 +30,17 @@ class MovingMarkers:
         self.xy = np.full((n, 2), np.nan)
         self.velocity = np.full((n, 2), np.nan)
         self._acceleration = np.zeros((n, 2))
-        self._slopes = np.zeros((n, 2, 2))
+        self._last: _Prepared | None = None
         self._t_ns = np.zeros(n, np.int64)
         self._before_s = np.zeros(n)
         """Between the last two sights."""
 
     def predicted(self, t_ns: int) -> Floats:
-        """Where they should be, (n, 2): constant acceleration; where they were if no speed is known."""
+        """Where they should be (n, 2) at constant acceleration, or were if no speed is known."""
         after_s = self.since(t_ns)[:, None]
-        velocity = np.nan_to_num(self.velocity)
-        bend = self._acceleration * (after_s + self._before_s[:, None]) / 2.0
-        return self.xy + (velocity + bend) * after_s
+        bend = self._acceleration * ((after_s + self._before_s[:, None]) / 2.0)
+        step = (self.velocity + bend) * after_s
+        return np.where(np.isfinite(step), self.xy + step, self.xy)
 
     def since(self, t_ns: int) -> Floats:
         """Seconds (n,) since each was last seen."""
@@ -40,43 +49,63 @@ class MovingMarkers:
     def look(self, image: Image, which: npt.NDArray[np.int64], expected: Floats) -> Found:
         """Measure some of them near the places (k, 2) where they should be.
 
-        A first look takes up the error of the prediction, a second one is as exact as on a marker
-        that stands. The edge's area is asked both times: motion blur does not bias it.
+        The edge's area is asked: motion blur does not bias it. Where the prediction was off, a
+        second look from the place that the first one gave is as exact as on a marker that stands.
         """
-        planes, look = self._planes.take(which), self._look
-        slopes = self._slopes[which]
-        laid = outlines(
-            self._view, expected, planes, look.config.lines, slopes if slopes.all() else None
-        )
-        axes = half_axes(laid.slopes, planes.radii)
-        steps = line_steps(axes)
-        coordinates = ring_coordinates(laid.edges, steps)
-        first, _ = look.fits(image, coordinates, steps)
-        good = np.isfinite(first.shift_px).all(axis=1) & (first.contrast > 0.0)
-        shift = np.where(good[:, None], first.shift_px, 0.0)
-        coordinates += shift.astype(np.float32)[:, None, :]
+        look = self._look
+        rings, steps, vectors = self._prepared(which, expected)
+        edges, centres = rings.placed(self._view, expected)
+        coordinates = line_points(edges, vectors)
         fits, _ = look.fits(image, coordinates, steps)
-        good &= look.acceptable(fits, axes)
-        centres = laid.centres + shift + fits.shift_px
+        shift = fits.shift_px
+        if not np.abs(shift).max() < _NEAR_PX:
+            good = np.isfinite(shift).all(axis=1) & (fits.contrast > 0.0)
+            first = np.where(good[:, None], shift, 0.0)
+            coordinates += first.astype(np.float32)[:, None, :]
+            fits, _ = look.fits(image, coordinates, steps)
+            shift = first + fits.shift_px
+        good = look.acceptable(fits, rings.axes_px)
+        centres = centres + shift
         # The picture of the floor is bent; one step of Newton's method makes the line exact.
-        floor_slopes = inverse(laid.slopes)
-        xy = expected + np.einsum("nij,nj->ni", floor_slopes, shift + fits.shift_px)
-        missed = centres - self._view.project(at_height(xy, planes.heights))
-        xy += np.einsum("nij,nj->ni", floor_slopes, missed)
-        self._slopes[which[good]] = laid.slopes[good]
-        return Found(good, centres, xy, floor_slopes, fits)
+        xy = expected + _times(rings.inverse, shift)
+        xy += _times(rings.inverse, centres - rings.centres(self._view, xy))
+        return Found(good, centres, xy, rings.inverse, fits)
+
+    def _prepared(
+        self, which: npt.NDArray[np.int64], expected: Floats
+    ) -> tuple[RingTemplates, Floats, Samples]:
+        """Templates, steps and lines for places near these: those of before, if they serve."""
+        last = self._last
+        if last is not None and np.array_equal(last[0], which):
+            off = last[1] - expected
+            if np.abs(off).max() < _TEMPLATE_SERVES_M:
+                return last[2]
+        lines = self._look.config.lines
+        rings = ring_templates(self._view, expected, self._planes.take(which), lines)
+        steps = line_steps(rings.axes_px)
+        prepared = rings, steps, line_vectors(lines, line_offsets(steps))
+        self._last = (which, expected, prepared)
+        return prepared
 
     def keep(self, which: npt.NDArray[np.int64], xy: Floats, t_ns: int, fresh: bool) -> None:
-        """Take these places (k, 2) as seen at t. fresh : found by search, no speed follows."""
-        after_s = self.since(t_ns)[which]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            velocity = (xy - self.xy[which]) / after_s[:, None]
-            bend = (velocity - self.velocity[which]) * (2.0 / (after_s + self._before_s[which]))[:, None]
-        known = after_s > 0.0
-        limit = self._look.config.max_acceleration_m_s2
-        bend = np.where(np.isfinite(bend) & known[:, None], np.clip(bend, -limit, limit), 0.0)
-        self.velocity[which] = np.where(known[:, None], velocity, np.nan)
-        self._acceleration[which] = 0.0 if fresh else bend
-        self._before_s[which] = after_s
-        self.xy[which] = xy
-        self._t_ns[which] = t_ns
+        """Take these places (k, 2) as seen at t; fresh ones, found by search, tell no speed-up."""
+        if not which.size:
+            return
+        after_s = (t_ns - self._t_ns[which]) * 1e-9
+        # Of one never seen before, position and so velocity are NaN.
+        velocity = (xy - self.xy[which]) / np.maximum(after_s, 1e-6)[:, None]
+        if fresh:
+            self._acceleration[which] = 0.0
+        else:
+            between_s = (after_s + self._before_s[which]) / 2.0
+            limit = self._look.config.max_acceleration_m_s2
+            bend = (velocity - self.velocity[which]) / between_s[:, None]
+            self._acceleration[which] = np.minimum(np.maximum(bend, -limit), limit)
+        self.velocity[which], self.xy[which] = velocity, xy
+        self._before_s[which], self._t_ns[which] = after_s, t_ns
+
+
+def _times(matrices: Floats, vectors: Floats) -> Floats:
+    """Products (n, 2) of matrices (n, 2, 2) with vectors (n, 2)."""
+    product: Floats = (matrices @ vectors[..., None])[..., 0]
+    return product

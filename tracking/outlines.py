@@ -9,20 +9,6 @@ import numpy as np
 from geometry import Floats, View, at_height
 from tracking.profiles import spokes
 
-_PROBES = np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
-
-
-@dataclass(frozen=True, eq=False)
-class Outlines:
-    """Of n rings. edges : (n, K, 2, 2) pixels where the lines cross the outer and the inner edge.
-
-    centres : (n, 2) images of the rings' centres. slopes : (n, 2, 2) d pixel / d world x, y.
-    """
-
-    edges: Floats
-    centres: Floats
-    slopes: Floats
-
 
 @dataclass(frozen=True, eq=False)
 class RingPlanes:
@@ -37,25 +23,44 @@ class RingPlanes:
         return RingPlanes(self.heights[which], self.radii[which], self.ratio)
 
 
-def outlines(
-    view: View, xy: Floats, planes: RingPlanes, lines: int, slopes: Floats | None = None
-) -> Outlines:
-    """Edges of the rings round (n, 2), through perspective and lens without approximation.
+@dataclass(frozen=True, eq=False)
+class RingTemplates:
+    """n rings, ready to be put anywhere near where they were prepared.
 
-    slopes : (n, 2, 2) of a place nearby, which choose where the lines cross; a degree off does no
-    harm. Without them they are worked out first.
+    spread : (n, 2 K + 1, 3) metres, in the camera's frame, from each ring's foot on the floor to
+    its edge points (outer and inner by turns) and its centre. slopes : (n, 2, 2) d pixel / d world
+    x, y, inverse its inverse; axes_px : (n, 2) longer and shorter half axis, all where prepared.
     """
-    if slopes is None:
-        slopes = view.plane_jacobian(xy, planes.heights)
-    n = len(xy)
+
+    spread: Floats
+    slopes: Floats
+    inverse: Floats
+    axes_px: Floats
+
+    def placed(self, view: View, xy: Floats) -> tuple[Floats, Floats]:
+        """Edges (n, K, 2, 2) and centres (n, 2) in pixels of the rings round (n, 2).
+
+        Exact through perspective and lens. Only which points of the edges are meant comes from
+        where the template was prepared, and a degree of that does no harm.
+        """
+        feet = xy @ view.rotation[:, :2].T + view.translation
+        pixels = view.camera.project(self.spread + feet[:, None, :])
+        return pixels[:, :-1].reshape(len(xy), -1, 2, 2), pixels[:, -1]
+
+    def centres(self, view: View, xy: Floats) -> Floats:
+        """Pixels (n, 2) of the centres of the rings round (n, 2)."""
+        feet = xy @ view.rotation[:, :2].T + view.translation
+        return view.camera.project(self.spread[:, -1] + feet)
+
+
+def ring_templates(view: View, xy: Floats, planes: RingPlanes, lines: int) -> RingTemplates:
+    """Templates of rings (n,) prepared round (n, 2)."""
+    slopes = view.plane_jacobian(xy, planes.heights)
     scaled = spokes(slopes, lines)[:, :, None, :] * np.array([1.0, planes.ratio])[:, None]
-    unit = np.concatenate([scaled.reshape(n, 2 * lines, 2), np.broadcast_to(_PROBES, (n, 5, 2))], axis=1)
-    points = unit * planes.radii[:, None, None] + xy[:, None, :]
-    pixels = view.project(at_height(points, planes.heights[:, None]))
-    probes = pixels[:, 2 * lines :]
-    across = (probes[:, 1::2] - probes[:, 2::2]) / (2.0 * planes.radii)[:, None, None]
-    edges = pixels[:, : 2 * lines].reshape(n, lines, 2, 2)
-    return Outlines(edges, probes[:, 0], across.transpose(0, 2, 1))
+    flat = scaled.reshape(len(xy), 2 * lines, 2) * planes.radii[:, None, None]
+    with_centre = np.concatenate([flat, np.zeros((len(xy), 1, 2))], axis=1)
+    spread = at_height(with_centre, planes.heights[:, None]) @ view.rotation.T
+    return RingTemplates(spread, slopes, inverse(slopes), half_axes(slopes, planes.radii))
 
 
 def half_axes(slopes: Floats, radii: Floats) -> Floats:

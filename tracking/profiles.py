@@ -1,9 +1,9 @@
 """Where to sample around a ring: short lines across its edges.
 
-Every marker gets the same K lines, so that all markers are sampled by one `remap` and solved by one
-matrix. Line k crosses the edge where the edge's *normal* has the angle 2 pi k / K. The place of a
-closed convex curve is then the first harmonic of its offsets along the lines, whatever the marker's
-shape in the image; size and flattening are harmonics 0 and 2, and nothing of one leaks into another.
+Every marker gets the same K lines, so that all are sampled by one `remap` and solved by one matrix.
+Line k crosses the edge where the edge's *normal* has the angle 2 pi k / K. The place of a closed
+convex curve is then the first harmonic of its offsets along the lines, whatever its shape in the
+image; size and flattening are harmonics 0 and 2, and nothing of one leaks into another.
 """
 
 from __future__ import annotations
@@ -18,6 +18,9 @@ from geometry import Floats
 from tracking.images import Image
 
 Samples: TypeAlias = npt.NDArray[np.float32]
+FixedMaps: TypeAlias = tuple[npt.NDArray[np.int16], npt.NDArray[np.uint16]]
+
+_NOTHING = np.zeros((0, 0), np.float32)
 
 
 @lru_cache(maxsize=8)
@@ -34,14 +37,14 @@ def harmonics(lines: int) -> Floats:
     Columns cos, sin, 1, cos 2, sin 2 of the lines' angles.
     """
     angle = np.arange(lines) * (2.0 * np.pi / lines)
-    columns = [f(m * angle) for m, f in ((1, np.cos), (1, np.sin), (0, np.cos), (2, np.cos), (2, np.sin))]
+    columns = [np.cos(angle), np.sin(angle), np.ones(lines), np.cos(2 * angle), np.sin(2 * angle)]
     return _fixed(np.stack(columns, axis=1))
 
 
 @lru_cache(maxsize=8)
 def harmonic_fit(lines: int) -> Floats:
     """The least squares inverse of `harmonics`, (5, K)."""
-    return _fixed(np.linalg.pinv(harmonics(lines)))
+    return _fixed(np.asarray(np.linalg.pinv(harmonics(lines)), np.float64))
 
 
 def spokes(shapes: Floats, lines: int) -> Floats:
@@ -55,24 +58,38 @@ def spokes(shapes: Floats, lines: int) -> Floats:
     return unit
 
 
-def line_coordinates(edges: Floats, offsets_px: Floats) -> Samples:
-    """Sample points (n, K * s * m, 2) from edge points (n, K, s, 2) and offsets (n, m) outwards."""
-    n, lines, kinds, _ = edges.shape
-    along = line_directions(lines)[None, :, None, :] * offsets_px[:, None, :, None]
-    points = edges[:, :, :, None, :] + along[:, :, None, :, :]
-    return points.reshape(n, lines * kinds * offsets_px.shape[1], 2).astype(np.float32)
+def line_vectors(lines: int, offsets_px: Floats) -> Samples:
+    """From an edge point to its samples (n, K, 1, m, 2), for offsets (n, m) outwards."""
+    along = line_directions(lines)[None, :, None, None, :] * offsets_px[:, None, None, :, None]
+    return along.astype(np.float32)
 
 
-def sample(image: Image, coordinates: Samples) -> Samples:
+def line_points(edges: Floats, vectors: Samples) -> Samples:
+    """Sample points (n, K * s * m, 2) from edge points (n, K, s, 2)."""
+    points = edges[:, :, :, None, :].astype(np.float32) + vectors
+    return points.reshape(len(edges), -1, 2)
+
+
+def fixed_maps(coordinates: Samples) -> FixedMaps:
+    """Sample points (n, points, 2) in the form in which OpenCV looks them up fastest.
+
+    In 1/32 of a pixel, the grid to which it rounds coordinates in any case.
+    """
+    import cv2
+
+    whole, part = cv2.convertMaps(coordinates, _NOTHING, cv2.CV_16SC2)
+    return np.asarray(whole, np.int16), np.asarray(part, np.uint16)
+
+
+def sample(image: Image, coordinates: Samples | FixedMaps) -> Samples:
     """Bilinear grey levels (n, points) at (n, points, 2); beyond the border its last pixel."""
     import cv2
 
-    if not len(coordinates):
-        return np.zeros(coordinates.shape[:2], np.float32)
-    levels = cv2.remap(
-        image, coordinates, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-    )
-    return np.asarray(levels, np.float32)
+    first, second = coordinates if isinstance(coordinates, tuple) else (coordinates, _NOTHING)
+    if not len(first):
+        return np.zeros(first.shape[:2], np.float32)
+    levels = cv2.remap(image, first, second, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return levels.astype(np.float32)
 
 
 def _fixed(array: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""Finding again what is lost: a search of the region where it can be, and a match that is certain."""
+"""Finding again what is lost: a search where it can be, and a match only when it is certain."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from tracking.rings import RingSearch, RingSightings, find_rings
 
 _SIZE_SHARE, _SIZE_PX = 0.05, 0.6
 """By how much a ring's axes may differ from what its plane demands."""
+_IN_PLACE_M = 0.03
 _ROOM = 2.0
 """A region reaches so many diameters beyond where the marker's middle can be."""
 
@@ -53,7 +54,7 @@ class Recovery:
         return found.take(apart > 0.5 * found.diameters_px[:, 1])
 
     def places(self, found: RingSightings, which: npt.NDArray[np.int64]) -> Floats:
-        """World x, y (k, m, 2) of the rings if they were these markers; NaN if the size denies it."""
+        """World x, y (k, m, 2) of the rings, were they these markers; NaN if of another size."""
         places = np.full((len(which), len(found), 2), np.nan)
         heights, radii = self._planes.heights[which], self._planes.radii[which]
         for height, radius in {*zip(heights.tolist(), radii.tolist(), strict=True)}:
@@ -65,7 +66,7 @@ class Recovery:
         if not len(found):
             return np.zeros((0, 2))
         xy = circle_centres(self._view, found.centres_px, height, radius)
-        known = np.isfinite(xy).all(axis=1)
+        known = np.asarray(np.isfinite(xy).all(axis=1))
         slopes = self._view.plane_jacobian(np.where(known[:, None], xy, 0.0), height)
         demanded = 2.0 * half_axes(slopes, np.full(len(xy), radius))
         wrong = np.abs(found.diameters_px - demanded) > _SIZE_SHARE * demanded + _SIZE_PX
@@ -114,3 +115,21 @@ def match_moving(
     matches[np.isin(matches, taken[counts > 1])] = NOBODY
     return matches
 
+
+def may_be(places: Floats, expected: Floats, reach_m: Floats) -> npt.NDArray[np.bool_]:
+    """Which of the m rings may be any of the lost movers: places (k, m, 2), expected (k, 2)."""
+    off = np.linalg.norm(places - expected[:, None], axis=2)
+    # Where nothing is expected, anything of the right size will do.
+    within = (off <= reach_m[:, None]) | ~np.isfinite(reach_m)[:, None]
+    return np.asarray((within & np.isfinite(places).all(axis=2)).any(axis=0))
+
+
+def in_place(
+    matches: npt.NDArray[np.int64], places: Floats, expected: Floats
+) -> npt.NDArray[np.bool_]:
+    """Which matches (k,) are of rings right at the places (k, 2) expected; places (k, m, 2)."""
+    matched = np.asarray(matches != NOBODY)
+    if not matched.any():
+        return matched
+    off = np.linalg.norm(places[np.arange(len(matches)), matches] - expected, axis=1)
+    return np.asarray(matched & (off <= _IN_PLACE_M))

@@ -77,20 +77,20 @@ class RingSightings:
     @property
     def diameters_px(self) -> Floats:
         """Longer and shorter axis (n, 2) of the outer edges."""
-        return 2.0 * np.linalg.svd(self.shapes, compute_uv=False)
+        return np.asarray(2.0 * np.linalg.svd(self.shapes, compute_uv=False), np.float64)
 
 
 def find_rings(
     image: npt.NDArray[np.generic],
-    search: RingSearch = RingSearch(),
+    search: RingSearch | None = None,
     region: tuple[slice, slice] | None = None,
 ) -> RingSightings:
-    """The rings in a picture or in the part (rows, columns) of it; pixels are the whole picture's.
+    """The rings in a picture, or in the part (rows, columns) of it; pixels are the whole picture's.
 
     A ring must lie inside the picture with two pixels to spare. Raises `ImageError` for what is no
     8-bit picture; a black, white or tiny one simply shows no rings.
     """
-    grey = grey_image(image)
+    grey, search = grey_image(image), search or RingSearch()
     centres, halves = _candidates(grey, search, region)
     if not len(centres):
         return _sightings(_nothing(), np.zeros(0), np.zeros(0))
@@ -110,7 +110,9 @@ def _candidates(
     part = grey if region is None else grey[region]
     corner = np.zeros(2)
     if region is not None:
-        corner = np.array([region[1].indices(grey.shape[1])[0], region[0].indices(grey.shape[0])[0]])
+        corner = np.array(
+            [region[1].indices(grey.shape[1])[0], region[0].indices(grey.shape[0])[0]]
+        )
     centres, halves = ring_candidates(
         part, search.smallest_px, search.shape.ratio, search.below_mean
     )
@@ -148,8 +150,8 @@ def _looks_inside(
     flat = points.reshape(len(points), -1, 2).astype(np.float32)
     levels = sample(grey, flat).reshape(len(points), _ANGLES, _RADII.size)
     ratio = search.shape.ratio
-    middle = levels[:, :, (_RADII > 0.0) & (_RADII <= 0.6 * ratio)].mean(axis=2)
-    black = levels[:, :, (_RADII > ratio + 0.2) & (_RADII < 0.85)].mean(axis=2)
+    middle = levels[:, :, (_RADII > 0.0) & (0.6 * ratio >= _RADII)].mean(axis=2)
+    black = levels[:, :, (ratio + 0.2 < _RADII) & (_RADII < 0.85)].mean(axis=2)
     margin = levels[:, :, (_RADII > 1.12) & (_RADII < 1.25)].mean(axis=2)
     contrast = np.minimum(middle, margin) - black
     typical = np.median(contrast, axis=1)

@@ -19,12 +19,14 @@ from tracking.images import Image, grey_image
 from tracking.markers import Marker, State, TrackedFrame
 from tracking.measuring import Look, TrackerConfig
 from tracking.moving import MovingMarkers
-from tracking.outlines import RingPlanes
-from tracking.recovery import Recovery, match_moving
+from tracking.outlines import RingPlanes, half_axes
+from tracking.recovery import Recovery, in_place, match_moving, may_be
 from tracking.rings import RingSearch
 from tracking.standing import Found, StandingMarkers
 
 Indices = npt.NDArray[np.int64]
+_FAR_M = 0.6
+"""Looking for a marker further around than this is as dear as searching the whole picture."""
 
 
 class RingTracker:
@@ -39,11 +41,12 @@ class RingTracker:
         self,
         view: View,
         markers: Sequence[Marker],
-        config: TrackerConfig = TrackerConfig(),
+        config: TrackerConfig | None = None,
         pair: tuple[str, str, float] | None = None,
         search: RingSearch | None = None,
     ) -> None:
-        self.markers, self.config = tuple(markers), config
+        self.markers = tuple(markers)
+        self.config = config = config or TrackerConfig()
         names = [marker.name for marker in self.markers]
         if len(set(names)) != len(names) or not names:
             raise TrackingError(f"markers need names, each its own; got {names}")
@@ -73,7 +76,7 @@ class RingTracker:
         self._searched_ns: int | None = None
 
     def expect_heading(self, heading_rad: float) -> None:
-        """Tell which way the car points, to a sixth of a turn; its rings do not say it themselves."""
+        """Tell which way the car points, to a sixth of a turn; its rings alone do not say."""
         self._heading = float(heading_rad)
 
     def step(self, image: npt.NDArray[np.generic], t_ns: int) -> TrackedFrame:
@@ -94,12 +97,22 @@ class RingTracker:
         report = _Report(len(self.markers))
         if self._stand.size:
             report.put(self._stand, self._standing.look(grey), self.config.whole_inliers)
+            if not self._standing.settled.all():
+                self._settle_in_place(grey, report)
         self._follow(grey, t_ns, report)
         if (report.states == State.LOST).any():
             self._search(grey, t_ns, report)
         self._states = report.states
         self._remember_heading(report)
         return report.frame(t_ns)
+
+    def _settle_in_place(self, grey: Image, report: _Report) -> None:
+        """Markers not seen before may stand just where they are said to, to a few pixels."""
+        fresh = np.flatnonzero(~self._standing.settled)
+        settled = self._standing.settle(grey, fresh, self._places[fresh])
+        if settled.size:
+            seen = self._standing.look(grey)
+            report.put(self._stand, seen, self.config.whole_inliers, only=self._stand[settled])
 
     def _follow(self, grey: Image, t_ns: int, report: _Report) -> None:
         """Movers whose speed is known are looked for where they must be."""
@@ -128,55 +141,64 @@ class RingTracker:
 
     def _search(self, grey: Image, t_ns: int, report: _Report) -> None:
         """Look for what is lost; only now and then where that means much of the picture."""
-        lost_movers = np.flatnonzero(report.states[self._move] == State.LOST)
-        reach = self._reach(t_ns)[lost_movers]
         due = self._searched_ns is None or (
             (t_ns - self._searched_ns) * 1e-9 >= self.config.search_period_s
         )
-        lost_standing = np.flatnonzero(report.states[self._stand] == State.LOST) if due else []
-        near = np.isfinite(reach) & (reach < self._far_m())
-        lost_movers = lost_movers if due else lost_movers[near]
+        standing = np.flatnonzero(report.states[self._stand] == State.LOST)
+        movers = np.flatnonzero(report.states[self._move] == State.LOST)
+        reach = self._reach(t_ns)
         if due:
             self._searched_ns = t_ns
-        if not (len(lost_movers) or len(lost_standing)):
+        else:
+            standing, movers = standing[:0], movers[reach[movers] < _FAR_M]
+        if not (standing.size or movers.size):
             return
-        self._search_standing(grey, np.asarray(lost_standing, np.int64), report)
-        self._search_moving(grey, lost_movers, t_ns, report)
-
-    def _search_standing(self, grey: Image, local: Indices, report: _Report) -> None:
-        if not local.size:
-            return
-        gate = np.full(local.size, self.config.place_gate_m)
-        expected = self._places[local]
-        region = self._recovery.region(self._stand[local], expected, gate)
+        expected = self._moving.predicted(t_ns)
+        region = self._region(standing, movers, expected, reach)
         found = self._recovery.sightings(grey, region, report.known_px())
-        places = self._recovery.places(found, self._stand[local])
-        matches = unique_matches(expected, gate, places)
-        hit = matches != NOBODY
-        if not hit.any():
+        if not len(found):
             return
+        stand_places = self._recovery.places(found, self._stand[standing])
+        move_places = self._recovery.places(found, self._move)
+        lost = np.zeros(self._move.size, bool)
+        lost[movers] = True
+        gates = np.full(standing.size, self.config.place_gate_m)
+        theirs = unique_matches(self._places[standing], gates, stand_places)
+        sure = in_place(theirs, stand_places, self._places[standing])
+        # A ring right where a marker stands is that marker, and cannot be one that moves.
+        move_places[:, theirs[sure]] = np.nan
+        possible = may_be(move_places[movers], expected[movers], reach[movers])
+        # One beside it may be the marker, moved, or a lost mover: then it is neither.
+        theirs[~sure & (theirs != NOBODY) & possible[theirs]] = NOBODY
+        mine = match_moving(
+            move_places, expected, reach, lost, report.xy[self._move], self._pair, self._heading
+        )
+        self._stand_again(grey, standing, theirs, stand_places, report)
+        self._move_again(grey, mine, move_places, t_ns, report)
+
+    def _region(
+        self, standing: Indices, movers: Indices, expected: Floats, reach: Floats
+    ) -> tuple[slice, slice] | None:
+        """The part of the picture in which these can be, None for all of it."""
+        if not (reach[movers] < _FAR_M).all():
+            return None
+        which = np.concatenate([self._stand[standing], self._move[movers]])
+        xy = np.concatenate([self._places[standing], expected[movers]])
+        gates = np.full(standing.size, self.config.place_gate_m)
+        return self._recovery.region(which, xy, np.concatenate([gates, reach[movers]]))
+
+    def _stand_again(
+        self, grey: Image, local: Indices, matches: Indices, places: Floats, report: _Report
+    ) -> None:
+        hit = np.flatnonzero(matches != NOBODY)
         settled = self._standing.settle(grey, local[hit], places[hit, matches[hit]])
         if settled.size:
             seen = self._standing.look(grey)
             report.put(self._stand, seen, self.config.whole_inliers, only=self._stand[settled])
 
-    def _search_moving(self, grey: Image, lost: Indices, t_ns: int, report: _Report) -> None:
-        if not lost.size:
-            return
-        expected, reach = self._moving.predicted(t_ns), self._reach(t_ns)
-        unknown = ~np.isfinite(reach[lost]) | (reach[lost] > self._far_m())
-        region = None
-        if not unknown.any():
-            region = self._recovery.region(self._move[lost], expected[lost], reach[lost])
-        found = self._recovery.sightings(grey, region, report.known_px())
-        places = self._recovery.places(found, self._move)
-        is_lost = np.zeros(self._move.size, bool)
-        is_lost[lost] = True
-        seen_xy = report.xy[self._move]
-        matches = match_moving(
-            places, expected, np.where(np.isfinite(reach), reach, np.inf), is_lost, seen_xy,
-            self._pair, self._heading,
-        )  # fmt: skip
+    def _move_again(
+        self, grey: Image, matches: Indices, places: Floats, t_ns: int, report: _Report
+    ) -> None:
         hit = np.flatnonzero(matches != NOBODY)
         if not hit.size:
             return
@@ -194,10 +216,6 @@ class RingTracker:
         )
         seen = np.isfinite(self._moving.xy).all(axis=1)
         return np.where(seen, 0.02 + unsure, np.inf)
-
-    def _far_m(self) -> float:
-        """A region beyond this is as dear as the whole picture."""
-        return 0.6
 
     def _remember_heading(self, report: _Report) -> None:
         if self._pair is None:
@@ -218,38 +236,38 @@ class _Report:
 
     def __init__(self, n: int) -> None:
         self.states = np.full(n, State.LOST, np.int8)
-        self.centres = np.full((n, 2), np.nan)
-        self.xy = np.full((n, 2), np.nan)
-        self._covariance = np.full((n, 2, 2), np.nan)
-        self._numbers = np.full((3, n), np.nan)
+        self._rows = np.full((n, 11), np.nan)
+        self.centres, self.xy = self._rows[:, :2], self._rows[:, 2:4]
 
-    def put(
-        self, which: Indices, found: Found, whole: float, only: Indices | None = None
-    ) -> None:
-        """Enter what was found of the markers `which`, or of those among them that are in `only`."""
+    def put(self, which: Indices, found: Found, whole: float, only: Indices | None = None) -> None:
+        """Enter what was found of the markers `which`, or of those of them that are in `only`."""
         good = found.good if only is None else found.good & np.isin(which, only)
-        at, fits = which[good], found.fits
-        self.states[at] = np.where(fits.inliers[good] >= whole, State.SEEN, State.PARTLY)
-        self.centres[at], self.xy[at] = found.centres_px[good], found.xy[good]
-        slopes = found.floor_slopes[good]
-        self._covariance[at] = slopes @ fits.covariance_px[good] @ slopes.transpose(0, 2, 1)
-        self._numbers[:, at] = (fits.inliers[good], fits.scatter_px[good], fits.contrast[good])
+        fits, slopes = found.fits, found.floor_slopes
+        n = len(which)
+        rows = np.empty((n, 11))
+        rows[:, :2], rows[:, 2:4] = found.centres_px, found.xy
+        rows[:, 4:8] = (slopes @ fits.covariance_px @ slopes.transpose(0, 2, 1)).reshape(n, 4)
+        rows[:, 8], rows[:, 9], rows[:, 10] = fits.inliers, fits.scatter_px, fits.contrast
+        states = np.where(fits.inliers >= whole, np.int8(State.SEEN), np.int8(State.PARTLY))
+        at = which
+        if not good.all():
+            at, rows, states = which[good], rows[good], states[good]
+        self._rows[at], self.states[at] = rows, states
 
     def known_px(self) -> Floats:
         """Where rings are that need no owner any more, (j, 2)."""
-        return self.centres[self.states != State.LOST]
+        return np.asarray(self.centres[self.states != State.LOST])
 
     def frame(self, t_ns: int) -> TrackedFrame:
         """What the user gets."""
+        covariance = self._rows[:, 4:8].reshape(-1, 2, 2)
         return TrackedFrame(
-            t_ns, self.states, self.centres, self.xy, self._covariance, *self._numbers
+            t_ns, self.states, self.centres, self.xy, covariance, *self._rows[:, 8:].T
         )
 
 
 def _search_for(view: View, markers: Sequence[Marker], planes: RingPlanes) -> RingSearch:
     """A search for rings as small as the smallest of these in this view."""
-    from tracking.outlines import half_axes
-
     places = [marker.place_m for marker in markers if marker.place_m is not None]
     size = np.array([view.camera.width_px, view.camera.height_px]) - 1.0
     corners = size * np.array([[0.1, 0.1], [0.9, 0.1], [0.1, 0.9], [0.9, 0.9], [0.5, 0.5]])
