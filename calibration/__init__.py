@@ -13,6 +13,10 @@ from calibration.errors import CalibrationError
 from calibration.intrinsics import IntrinsicsFit, fit_intrinsics
 from calibration.pictures import Picture, Skipped, pictures_from, pictures_of
 from calibration.ring_grid import RingGrid
+from calibration.still_rings import StillRings, average_rings
+from calibration.survey import Floor, FloorMarker, MeasuredLength, read_floor
+from calibration.verify import LengthCheck, verify_length
+from calibration.world import WorldLimits, WorldResult, calibrate_world
 
 __all__ = [
     "Board",
@@ -22,13 +26,24 @@ __all__ = [
     "CameraResult",
     "CharucoBoard",
     "Chessboard",
+    "Floor",
+    "FloorMarker",
     "IntrinsicsFit",
+    "LengthCheck",
+    "MeasuredLength",
     "Picture",
     "RingGrid",
     "Sightings",
     "Skipped",
+    "StillRings",
+    "WorldLimits",
+    "WorldResult",
+    "average_rings",
     "calibrate_camera",
+    "calibrate_world",
     "fit_intrinsics",
     "pictures_from",
     "pictures_of",
+    "read_floor",
+    "verify_length",
 ]

@@ -45,8 +45,9 @@ class CharucoBoard:
 
     def describe(self) -> Mapping[str, object]:
         """Kind and sizes."""
-        return {"board": "charuco", "dictionary": "5X5_250", "columns": self.columns, "rows": self.rows,
-                "square_m": self.square_m, "marker_m": self.marker_m}  # fmt: skip
+        sizes = {"columns": self.columns, "rows": self.rows}
+        lengths = {"square_m": self.square_m, "marker_m": self.marker_m}
+        return {"board": "charuco", "dictionary": "5X5_250", **sizes, **lengths}
 
     def picture(self, pixels_per_square: int) -> Image:
         """The board as it is printed, without a margin."""

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -15,7 +16,10 @@ from dialogue import TABLE_FORMATS, Cell, Table, UsageError
 if TYPE_CHECKING:
     from calibration.camera import Sightings
     from calibration.pictures import Picture, Skipped
-    from capture import CameraCalibration
+    from capture import CameraCalibration, WorldCalibration
+
+_Command = TypeVar("_Command", bound=Callable[..., Any])
+_PATH = click.Path(path_type=Path)
 
 _FORMAT = click.option(
     "--format", "table_format", type=click.Choice(TABLE_FORMATS), default="table", show_default=True
@@ -34,6 +38,12 @@ _RIG = click.option(
     type=click.Path(path_type=Path),
     help="Use the overhead camera of this rig, live, instead of a SOURCE.",
 )
+
+
+def _length(name: str, text: str, **more: Any) -> Callable[[_Command], _Command]:
+    return click.option(name, callback=length, metavar="LENGTH", help=text, **more)
+
+
 FRESH_SHARE = 0.03
 """Of the picture's width: how far a board must have moved to be a new view."""
 
@@ -52,22 +62,11 @@ def calibrate() -> None:
     default="charuco",
     show_default=True,
 )
-@click.option(
-    "--size", callback=grid_size, metavar="COLUMNSxROWS", help="Squares, inner corners or rings."
-)
-@click.option(
-    "--square",
-    callback=length,
-    metavar="LENGTH",
-    help="Side of a square, or middle to middle of rings.",
-)
-@click.option(
-    "--marker", callback=length, metavar="LENGTH", help="Side of a ChArUco board's markers."
-)
-@click.option(
-    "--diameter", callback=length, metavar="LENGTH", help="Outer diameter of a board's rings."
-)
-@click.option("--inner", callback=length, metavar="LENGTH", help="Their inner diameter.")
+@_length("--square", "Side of a square, or middle to middle of rings.")
+@_length("--marker", "Side of a ChArUco board's markers.")
+@_length("--diameter", "Outer diameter of a board's rings.")
+@_length("--inner", "Their inner diameter.")
+@click.option("--size", callback=grid_size, metavar="9x6", help="Squares, inner corners or rings.")
 @click.option("--views", type=click.IntRange(min=3), default=30, show_default=True)
 @_RIG
 @_FOLDER
@@ -125,6 +124,192 @@ def camera_table(calibration: CameraCalibration) -> Table:
     notes += [f"left out {one.name}: {one.rms_px:.2f} px, {one.why}" for one in left_out]
     title = f"camera {size}, {calibration.made_utc}"
     return Table(("parameter", "value", "sigma"), tuple(rows), title, "\n".join(notes), digits=5)
+
+
+_CALIBRATION = click.option(
+    "--calibration",
+    "place",
+    type=click.Path(path_type=Path),
+    default=Path("calibration"),
+    show_default=True,
+    help="A file, or a folder whose newest one is taken.",
+)
+_PICTURES = click.option(
+    "--pictures", "most", type=click.IntRange(min=1), default=60, show_default=True,
+    help="How many are averaged.",
+)  # fmt: skip
+
+
+@calibrate.command("world")
+@click.argument("source", type=click.Path(path_type=Path), required=False)
+@click.option(
+    "--floor",
+    "floor_file",
+    type=_PATH,
+    default=Path("floor.yaml"),
+    show_default=True,
+    help="Which rings stand where, and the measured lengths.",
+)
+@click.option(
+    "--camera",
+    "camera_place",
+    type=_PATH,
+    help="The camera's calibration.  [default: the newest in --output]",
+)
+@_PICTURES
+@_RIG
+@_FOLDER
+@click.pass_context
+def world(
+    ctx: click.Context,
+    source: Path | None,
+    floor_file: Path,
+    camera_place: Path | None,
+    most: int,
+    rig_file: Path | None,
+    output: Path,
+) -> None:
+    """The camera's place above the floor, from four corner rings and measured lengths.
+
+    SOURCE is a folder of pictures, a video or a filmed session. Exit code 1 when the result is
+    rejected.
+    """
+    from calibration.still_rings import average_rings
+    from calibration.survey import read_floor
+    from calibration.world import calibrate_world
+    from calibration.world_picture import write_world_picture
+    from capture import calibration_file, read_camera_calibration, write_calibration
+
+    floor = read_floor(floor_file)
+    camera_file = calibration_file(camera_place or output, "camera")
+    click.echo(f"camera: {camera_file}")
+    with _pictures(source, rig_file) as (pictures, skipped):
+        rings = average_rings(pictures, floor.ring, most)
+    for line in skipped.lines:
+        click.echo(line, err=True)
+    how = {"source": str(source or rig_file), "camera_file": camera_file.name}
+    result = calibrate_world(floor, rings, read_camera_calibration(camera_file), how)
+    file = write_calibration(output, result.calibration)
+    write_world_picture(file.with_suffix(".png"), result)
+    for table in world_tables(result.calibration):
+        click.echo(table.render("table"))
+    _say_verdict(result.calibration.accepted, result.calibration.reasons)
+    click.echo(f"wrote {file} and {file.with_suffix('.png').name}")
+    click.echo("next: trackside calibrate verify SOURCE --distance 1.000")
+    ctx.exit(0 if result.calibration.accepted else 1)
+
+
+@calibrate.command("verify")
+@click.argument("source", type=click.Path(path_type=Path), required=False)
+@_length("--distance", "The length, between the middles of two rings.", required=True)
+@_length("--height", "Of the two rings above the floor.  [default: 0]")
+@click.option("--between", metavar="A,B", help="Two markers of the calibration.")
+@_length("--tolerance", "How far off it may be.", default="5mm", show_default=True)
+@_CALIBRATION
+@_PICTURES
+@_RIG
+@click.pass_context
+def verify(
+    ctx: click.Context,
+    source: Path | None,
+    distance: float,
+    height: float | None,
+    between: str | None,
+    tolerance: float,
+    place: Path,
+    most: int,
+    rig_file: Path | None,
+) -> None:
+    """Does a known length come out right? Lay two rings down so far apart; exit code 1 if not."""
+    from calibration.still_rings import average_rings
+    from calibration.verify import verify_length
+    from capture import calibration_file, read_world_calibration
+
+    file = calibration_file(place, "world")
+    known = read_world_calibration(file)
+    pair = None
+    if between is not None:
+        first, comma, second = between.partition(",")
+        if not (comma and first.strip() and second.strip()):
+            raise UsageError(f"--between takes two names, A,B; got {between!r}")
+        pair = (first.strip(), second.strip())
+    with _pictures(source, rig_file) as (pictures, _):
+        rings = average_rings(pictures, known.ring, most)
+    found = verify_length(
+        known, rings, distance, height_m=height or 0.0, between=pair, tolerance_m=tolerance
+    )
+    click.echo(f"calibration: {file}")
+    (ax, ay), (bx, by) = found.places_m
+    click.echo(f"rings at ({ax:.4f}, {ay:.4f}) and ({bx:.4f}, {by:.4f}) m")
+    click.echo(
+        f"measured {found.measured_m:.4f} m, known {found.known_m:.4f} m: "
+        f"{1e3 * found.error_m:+.1f} mm (predicted sigma {1e3 * found.sigma_m:.1f} mm)"
+    )
+    click.echo("pass" if found.passed else f"fail: more than {1e3 * tolerance:g} mm off")
+    ctx.exit(0 if found.passed else 1)
+
+
+@calibrate.command("show")
+@click.argument(
+    "place", type=click.Path(path_type=Path), default=Path("calibration"), required=False
+)
+@_FORMAT
+def show(place: Path, table_format: str) -> None:
+    """The calibrations in force: the newest camera and world of a folder, or one file."""
+    from capture import (
+        CalibrationFileError,
+        calibration_file,
+        read_camera_calibration,
+        read_world_calibration,
+    )
+
+    shown = 0
+    for kind in ("camera", "world"):
+        if place.is_file() and not place.name.startswith(kind):
+            continue
+        try:
+            file = calibration_file(place, kind)
+        except CalibrationFileError as err:
+            click.echo(str(err), err=True)
+            continue
+        shown += 1
+        if kind == "camera":
+            one = read_camera_calibration(file)
+            tables, verdict = [camera_table(one)], (one.accepted, one.reasons)
+        else:
+            other = read_world_calibration(file)
+            tables, verdict = world_tables(other), (other.accepted, other.reasons)
+        click.echo(f"{file}", err=True)
+        for table in tables:
+            click.echo(table.render(table_format))
+        _say_verdict(*verdict)
+    if not shown:
+        raise UsageError(f"{place}: nothing to show; trackside calibrate camera makes the first")
+
+
+def world_tables(calibration: WorldCalibration) -> list[Table]:
+    """Markers, lengths, and the predicted accuracy below them."""
+    marks: list[tuple[Cell, ...]] = [
+        (one.name, one.corner, *one.xyz_m, 1e3 * math.sqrt(sxx + syy), one.residual_px)
+        for one in calibration.markers
+        for sxx, _, syy in [one.covariance_m2]
+    ]
+    lengths: list[tuple[Cell, ...]] = [
+        (" to ".join(one.markers), one.length_m, 1e3 * one.sigma_m, 1e3 * one.residual_m)
+        for one in calibration.lengths
+    ]
+    told = ", ".join(f"{key.replace('_', ' ')} {1e3 * value:.2f} mm"
+                     for key, value in calibration.accuracy_m.items())  # fmt: skip
+    columns = ("marker", "corner", "x [m]", "y [m]", "z [m]", "sigma [mm]", "residual [px]")
+    return [
+        Table(columns, tuple(marks), f"world, {calibration.made_utc}"),
+        Table(
+            ("length", "measured [m]", "sigma [mm]", "fitted - measured [mm]"),
+            tuple(lengths),
+            note=f"predicted accuracy: {told}",
+            digits=4,
+        ),
+    ]
 
 
 @contextlib.contextmanager
