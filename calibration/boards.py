@@ -9,7 +9,7 @@ from calibration.ring_grid import RingGrid
 from dialogue import UsageError
 from geometry import RingShape
 
-_RATIO = 50.0 / 122.0
+RATIO = 50.0 / 122.0
 
 
 def board_of(
@@ -38,10 +38,10 @@ def board_of(
         usual = CharucoBoard()
         square = square_m or usual.square_m
         return CharucoBoard(
-            *(size or (usual.columns, usual.rows)), square, marker_m or square * 20.0 / 27.0
+            *(size or (usual.columns, usual.rows)), square, marker_m or 0.72 * square
         )
     grid = RingGrid()
     spacing = square_m or grid.spacing_m
     diameter = diameter_m or spacing * 2.0 / 3.0
-    shape = RingShape(diameter, inner_m or diameter * _RATIO)
+    shape = RingShape(diameter, inner_m or diameter * RATIO)
     return RingGrid(*(size or (grid.columns, grid.rows)), spacing, shape)

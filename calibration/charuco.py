@@ -25,8 +25,8 @@ class CharucoBoard:
 
     columns: int = 10
     rows: int = 7
-    square_m: float = 0.027
-    marker_m: float = 0.020
+    square_m: float = 0.025
+    marker_m: float = 0.018
 
     def __post_init__(self) -> None:
         check_grid(self.columns, self.rows, self.square_m)

@@ -366,3 +366,37 @@ def _say_verdict(accepted: bool, reasons: tuple[str, ...]) -> None:
     click.echo("accepted" if accepted else "rejected")
     for reason in reasons:
         click.echo(f"  {reason}")
+
+
+@click.command("markers")
+@click.option(
+    "--kind",
+    type=click.Choice(("ring", "charuco", "rings")),
+    default="ring",
+    show_default=True,
+    help="One ring, or a board for calibrate camera.",
+)
+@_length("--diameter", "Outer diameter of rings.  [default: 122mm; of a board 30mm]")
+@_length("--inner", "Inner diameter.  [default: 50/122 of the outer]")
+@_length("--square", "Side of a square, or middle to middle of a board's rings.")
+@_length("--marker", "Side of a ChArUco board's markers.")
+@click.option("--size", callback=grid_size, metavar="10x7", help="Squares or rings of a board.")
+@click.option("--paper", default="A4", show_default=True, help="A4 to A0, or letter.")
+@click.option("--copies", type=click.IntRange(1, 200), default=1, show_default=True)
+@click.option("-o", "--output", "file", type=_PATH, required=True, help="The PDF to write.")
+def markers(
+    kind: str,
+    diameter: float | None,
+    inner: float | None,
+    square: float | None,
+    marker: float | None,
+    size: tuple[int, int] | None,
+    paper: str,
+    copies: int,
+    file: Path,
+) -> None:
+    """Rings and boards to print, true to size, each sheet with a ruler of 100 mm."""
+    from calibration.printed import marker_page, write_pages
+
+    write_pages(file, [marker_page(kind, paper, diameter, inner, square, marker, size)] * copies)
+    click.echo(f"wrote {file}: print at 100 %, measure the ruler, glue it on something flat")

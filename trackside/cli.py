@@ -19,6 +19,7 @@ COMMANDS = {
     "doctor": ("trackside.doctor:doctor", "What would spoil a recording here, and what to do."),
     "devices": ("trackside.devices:devices", "What is plugged in, who answered; writes a rig."),
     "calibrate": ("calibration.cli:calibrate", "The camera and its place above the floor."),
+    "markers": ("calibration.cli:markers", "Rings and boards to print, true to size."),
     "record": ("capture.recording.cli:record", "Record the car into a new session."),
     "film": ("capture.recording.cli:film", "Record the overhead camera into a new session."),
     "check": ("capture.recording.cli:check", "Is a recording any good?"),

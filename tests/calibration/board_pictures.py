@@ -23,7 +23,7 @@ def sheet(board: Board) -> tuple[Image, float, tuple[float, float]]:
     if isinstance(board, RingGrid):
         return board.picture(0.0002), 0.0002, board.size_m
     if isinstance(board, CharucoBoard):
-        return board.picture(135), board.square_m / 135, (10 * 0.027, 7 * 0.027)
+        return board.picture(135), board.square_m / 135, (10 * 0.025, 7 * 0.025)
     assert isinstance(board, Chessboard)
     squares = np.indices((board.rows + 1, board.columns + 1)).sum(axis=0) % 2
     fine = np.kron(255 * (1 - squares), np.ones((135, 135))).astype(np.uint8)
