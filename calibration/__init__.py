@@ -13,7 +13,6 @@ from calibration.errors import CalibrationError
 from calibration.intrinsics import IntrinsicsFit, fit_intrinsics
 from calibration.pictures import Picture, Skipped, pictures_from, pictures_of
 from calibration.ring_grid import RingGrid
-from calibration.still_rings import StillRings, average_rings
 from calibration.survey import Floor, FloorMarker, MeasuredLength, read_floor
 from calibration.verify import LengthCheck, verify_length
 from calibration.world import WorldLimits, WorldResult, calibrate_world
@@ -35,10 +34,8 @@ __all__ = [
     "RingGrid",
     "Sightings",
     "Skipped",
-    "StillRings",
     "WorldLimits",
     "WorldResult",
-    "average_rings",
     "calibrate_camera",
     "calibrate_world",
     "fit_intrinsics",

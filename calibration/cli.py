@@ -174,17 +174,17 @@ def world(
     SOURCE is a folder of pictures, a video or a filmed session. Exit code 1 when the result is
     rejected.
     """
-    from calibration.still_rings import average_rings
     from calibration.survey import read_floor
     from calibration.world import calibrate_world
     from calibration.world_picture import write_world_picture
     from capture import calibration_file, read_camera_calibration, write_calibration
+    from tracking.still_rings import average_rings
 
     floor = read_floor(floor_file)
     camera_file = calibration_file(camera_place or output, "camera")
     click.echo(f"camera: {camera_file}")
     with _pictures(source, rig_file) as (pictures, skipped):
-        rings = average_rings(pictures, floor.ring, most)
+        rings = average_rings((one.image for one in pictures), floor.ring, most)
     for line in skipped.lines:
         click.echo(line, err=True)
     how = {"source": str(source or rig_file), "camera_file": camera_file.name}
@@ -221,9 +221,9 @@ def verify(
     rig_file: Path | None,
 ) -> None:
     """Does a known length come out right? Lay two rings down so far apart; exit code 1 if not."""
-    from calibration.still_rings import average_rings
     from calibration.verify import verify_length
     from capture import calibration_file, read_world_calibration
+    from tracking.still_rings import average_rings
 
     file = calibration_file(place, "world")
     known = read_world_calibration(file)
@@ -234,7 +234,7 @@ def verify(
             raise UsageError(f"--between takes two names, A,B; got {between!r}")
         pair = (first.strip(), second.strip())
     with _pictures(source, rig_file) as (pictures, _):
-        rings = average_rings(pictures, known.ring, most)
+        rings = average_rings((one.image for one in pictures), known.ring, most)
     found = verify_length(
         known, rings, distance, height_m=height or 0.0, between=pair, tolerance_m=tolerance
     )

@@ -11,7 +11,6 @@ import numpy.typing as npt
 from calibration.adjustment import FloorFit, FloorObservations, adjust_floor
 from calibration.corners import find_corners, find_other
 from calibration.errors import CalibrationError
-from calibration.still_rings import StillRings
 from calibration.survey import Floor, FloorMarker
 from capture import (
     CameraCalibration,
@@ -21,6 +20,7 @@ from capture import (
     now_utc,
 )
 from geometry import Camera, CameraError, Floats, View, at_height, fit_planar_view, floor_covariance
+from tracking.still_rings import StillRings
 
 _GRID = 15
 

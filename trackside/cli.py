@@ -26,6 +26,7 @@ COMMANDS = {
     "recover": ("capture.recording.cli:recover", "Finish what a power cut broke off."),
     "import": ("capture.cli:import_group", "Make a session of a data set, a bag or TUM files."),
     "info": ("capture.cli:info", "What a session holds."),
+    "track": ("tracking.cli:track", "Frames of the overhead camera to ground truth."),
     "slam": ("slam.cli:slam", "Estimate path and landmark map of a session."),
     "score": ("scoring.cli:score", "Score path and map against the truth."),
     "compare": ("scoring.comparison.cli:compare", "Many scores: tables, intervals, tests."),

@@ -7,10 +7,11 @@ from itertools import combinations
 
 import numpy as np
 
-from calibration import Floor, FloorMarker, MeasuredLength, Picture, StillRings, average_rings
+from calibration import Floor, FloorMarker, MeasuredLength, Picture
 from capture import CameraCalibration
 from geometry import Floats, View, at_height, inverse, transform_points
 from simulation import OverheadScene, Ring, oblique_view
+from tracking.still_rings import StillRings, average_rings
 
 VIEW = oblique_view(720)
 CORNERS = np.array([[-1.2, -1.2], [1.2, -1.2], [1.2, 1.2], [-1.2, 1.2]])
@@ -57,7 +58,9 @@ def floor_of(corners: Floats, others: Sequence[FloorMarker] = (), error_m: float
 
 def seen(xyz: Floats, view: View = VIEW, count: int = 4, seed: int = 0) -> StillRings:
     """Rings averaged over rendered pictures."""
-    return average_rings(pictures(xyz, view, count, seed), floor_of(CORNERS).ring)
+    return average_rings(
+        (one.image for one in pictures(xyz, view, count, seed)), floor_of(CORNERS).ring
+    )
 
 
 def in_frame(corners: Floats, xy: Floats) -> Floats:
