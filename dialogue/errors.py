@@ -5,6 +5,7 @@ TracksideError
 ├── geometry.GeometryError     values that are no trajectory, map or transform
 ├── capture.CaptureError       sessions, logs and text files
 ├── slam.SlamError             an estimate that cannot be made
+├── tracking.TrackingError     pictures or markers that cannot be followed
 └── scoring.ScoringError       a score that cannot be given
 """
 

@@ -6,7 +6,14 @@ points. OpenCV is loaded when the first picture is looked at.
 """
 
 from tracking.errors import ImageError, TrackingError
-from tracking.identity import RingPair, car_pose, heading_between, pair_match, unique_matches
+from tracking.identity import (
+    CarMemory,
+    RingPair,
+    car_pose,
+    heading_between,
+    pair_match,
+    unique_matches,
+)
 from tracking.images import Image, grey_image
 from tracking.markers import Marker, State, TrackedFrame
 from tracking.measuring import TrackerConfig
@@ -14,6 +21,7 @@ from tracking.rings import RingSearch, RingSightings, find_rings
 from tracking.tracker import RingTracker
 
 __all__ = [
+    "CarMemory",
     "Image",
     "ImageError",
     "Marker",

@@ -19,6 +19,9 @@ NOBODY = -1
 _CLEARLY = 2.5
 """The second nearest must be so many times further away than the nearest."""
 
+_HEADING_GATE_RAD = np.pi / 3.0
+"""The other way round is then at least 120 degrees off."""
+
 
 @dataclass(frozen=True)
 class RingPair:
@@ -53,27 +56,42 @@ def unique_matches(expected: Floats, gates_m: Floats, found: Floats) -> npt.NDAr
     return matches
 
 
+@dataclass(frozen=True, eq=False)
+class CarMemory:
+    """Which way the car pointed, and where the middle of its rings was (2,), NaN if unknown."""
+
+    heading_rad: float
+    middle_xy: Floats
+
+    def heading_at(self, middle_xy: Floats, still_m: float) -> float:
+        """Which way it should point at another place.
+
+        A car rolls: on an arc the chord halves the turn, forwards or backwards alike. Nearer than
+        `still_m` it has not turned.
+        """
+        x, y = middle_xy - self.middle_xy
+        if not np.hypot(x, y) > still_m:
+            return self.heading_rad
+        return float(wrap(2.0 * np.arctan2(y, x) - self.heading_rad))
+
+
 def pair_match(
-    pair: RingPair,
-    expected: Floats,
-    gate_m: float,
-    found: Floats,
-    heading_rad: float | None,
-    heading_gate_rad: float = np.pi / 3.0,
+    pair: RingPair, expected: Floats, gate_m: float, found: Floats, memory: CarMemory | None
 ) -> tuple[int, int] | None:
     """Indices of the found rings (m, 2) that are front and rear of the car, or None if not sure.
 
-    expected : (2, 2) where front and rear should be, NaN where unknown. heading_rad : of the car,
-    as far as it is known; without it front and rear look the same, and the answer is None.
+    expected : (2, 2) where front and rear should be, NaN where unknown. Without a memory of its
+    heading front and rear look the same, and the answer is None.
     """
-    if heading_rad is None:
+    if memory is None:
         return None
     fits = []
     for i, j in permutations(range(len(found)), 2):
         along = found[i] - found[j]
-        if abs(float(np.hypot(*along)) - pair.distance_m) > pair.tolerance_m:
+        if not abs(float(np.hypot(*along)) - pair.distance_m) <= pair.tolerance_m:
             continue
-        if abs(float(wrap(heading_between(found[i], found[j]) - heading_rad))) > heading_gate_rad:
+        heading = memory.heading_at((found[i] + found[j]) / 2.0, pair.distance_m)
+        if abs(float(wrap(heading_between(found[i], found[j]) - heading))) > _HEADING_GATE_RAD:
             continue
         off = np.linalg.norm(found[[i, j]] - expected, axis=1)
         if (np.isnan(off) | (off <= gate_m)).all():

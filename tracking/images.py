@@ -12,10 +12,11 @@ from tracking.errors import ImageError
 Image: TypeAlias = npt.NDArray[np.uint8]
 
 
-def grey_image(image: npt.NDArray[Any]) -> Image:
+def grey_image(image: npt.NDArray[Any] | None) -> Image:
     """The picture (h, w) in grey levels: as it is, or from blue, green, red (h, w, 3).
 
-    Raises `ImageError` for anything that is not an 8-bit picture.
+    Raises `ImageError` for anything that is not an 8-bit picture, also for the None with which
+    OpenCV answers a file that it cannot decode.
     """
     if not isinstance(image, np.ndarray) or image.dtype != np.uint8:
         kind = getattr(image, "dtype", type(image).__name__)

@@ -17,10 +17,12 @@ from geometry import Floats
 from tracking.edges import REACH
 from tracking.profiles import Samples, harmonics
 
+_EYE = np.eye(2)
 _TUKEY = 4.7
-_ROUNDS = 4
-_PRIOR = 0.05
-"""Growth and flattening are zero to five times a line's scatter: said by a twentieth of a line."""
+_ROUNDS = 8
+_BRIGHT, _ENOUGH = 0.7, 0.4
+_PRIOR = 1.0
+"""Growth and flattening are zero: said as loudly as by one line."""
 _SHARED = 1.6
 """Neighbouring lines share pixels: the shift's variance is so much more than theirs would say."""
 _DIM = 0.35
@@ -80,7 +82,7 @@ def plain_fits(contrast: Samples, offsets: Samples, steps_px: Floats, ratio: flo
     fit = flat @ inverse
     left = flat - fit @ model
     variance: Floats = (left * left) @ weights * (steps_px * steps_px)
-    covariance = (factor * variance)[:, None, None] * np.eye(2)
+    covariance = (factor * variance)[:, None, None] * _EYE
     fit_px: Floats = fit * steps_px[:, None]
     typical = np.asarray(contrast.reshape(n, -1) @ weights, np.float64)
     shift, growth, scatter = fit_px[:, :2], fit_px[:, 2], np.asarray(np.sqrt(variance))
@@ -97,7 +99,7 @@ def robust_fits(contrast: Samples, offsets: Samples, step_px: Floats, ratio: flo
     products = (model[:, :, None] * model[:, None, :]).reshape(-1, 36)
     weights = weights / weights.max()
     prior = np.diag([1e-9, 1e-9, *[_PRIOR] * 4])
-    weight = lit * weights
+    weight = weights * _first(contrast.reshape(n, -1), lit)
     scatter = np.full(n, np.nan)
     for _ in range(_ROUNDS):
         normal = (weight @ products).reshape(n, 6, 6) + prior
@@ -117,6 +119,17 @@ def robust_fits(contrast: Samples, offsets: Samples, step_px: Floats, ratio: flo
         _median(contrast.reshape(n, -1).astype(np.float64)),
         covariance,
     )
+
+
+def _first(contrast: Samples, lit: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """The lines (n, 2 K) to begin with: those of most contrast, if they are enough.
+
+    What lies over a ring makes edges, too, but mostly fainter ones; a shadow's are left out with
+    them and come in again when they fit.
+    """
+    bright = lit & (contrast > _BRIGHT * np.quantile(contrast, 0.75, axis=1)[:, None])
+    enough = bright.mean(axis=1) > _ENOUGH
+    return np.where(enough[:, None], bright, lit)
 
 
 def _lit(contrast: Samples, offset_px: Floats, step_px: Floats) -> npt.NDArray[np.bool_]:

@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 from geometry import Floats, RingShape
 from tracking.edges import (
-    area_filter,
     edge_offsets,
     line_offsets,
     matched_filter,
@@ -44,7 +43,7 @@ class TrackerConfig:
     min_contrast: float = field(default=10.0, metadata={"min": 1.0})
     min_inliers: float = field(default=0.5, metadata={"min": 0.1, "max": 1.0})
     """Share of lines that must agree, or the marker is lost."""
-    whole_inliers: float = field(default=0.85, metadata={"min": 0.1, "max": 1.0})
+    whole_inliers: float = field(default=0.95, metadata={"min": 0.1, "max": 1.0})
     """Share below which it is only partly seen."""
     max_growth: float = field(default=0.08, metadata={"min": 0.0})
     """Of the outer radius against the size the plane demands, beside half a pixel."""
@@ -99,34 +98,35 @@ class Look:
         """Matched filters for rings with these half axes (n, 2)."""
         return ring_filters(half_axes_px, self.shape, self.config.edge_sigma_px)
 
+    def calm(self, weights: Samples, steps_px: Floats) -> Floats:
+        """Scatter times contrast (n,) below which nothing but noise disturbs a ring."""
+        products = weights[..., 2]
+        gain = np.sqrt(np.einsum("...i,...i->...", products, products).max())
+        return np.asarray(_CALM * self.config.noise * gain * steps_px, np.float64)
+
     def fits(
         self,
         image: Image,
         coordinates: Samples | FixedMaps,
         steps_px: Floats,
-        weights: Samples | None = None,
-    ) -> tuple[MarkerFits, npt.NDArray[np.bool_]]:
-        """Fits of n rings, and which of them needed the robust one.
-
-        coordinates : (n, K * 2 * m, 2); weights : matched filters, by default that of the area.
-        """
-        weights = area_filter(2) if weights is None else weights
+        weights: Samples,
+        calm: Floats,
+    ) -> MarkerFits:
+        """Fits of n rings at coordinates (n, K * 2 * m, 2), robust where they are not `calm`."""
         levels = sample(image, coordinates)
         # Where there is no edge, offsets are not finite, and neither is the plain fit.
         with np.errstate(invalid="ignore", over="ignore"):
             contrast, offsets = edge_offsets(levels, weights, self.config.lines)
             fits = plain_fits(contrast, offsets, steps_px, self.ratio)
             noisy = (fits.scatter_px - _SMOOTH_PX) * fits.contrast
-        calm = _CALM * self.config.noise * _noise_gain(weights) * steps_px
-        # A contrast of zero or less is never calm.
-        disturbed = ~(noisy < calm)
-        disturbed |= ~(np.abs(fits.growth_px) < 0.5 * steps_px) | ~(fits.contrast > 0.0)
-        if disturbed.any():
-            again = robust_fits(
-                contrast[disturbed], offsets[disturbed], steps_px[disturbed], self.ratio
-            )
-            fits = _merged(fits, again, disturbed)
-        return fits, disturbed
+            quiet = (noisy < calm) & (np.abs(fits.growth_px) < 0.5 * steps_px)
+        # Twice nothing is calm, but no ring.
+        quiet &= fits.contrast > 0.0
+        if quiet.all():
+            return fits
+        rest = ~quiet
+        again = robust_fits(contrast[rest], offsets[rest], steps_px[rest], self.ratio)
+        return _merged(fits, again, rest)
 
     def acceptable(self, fits: MarkerFits, half_axes_px: Floats) -> npt.NDArray[np.bool_]:
         """Which fits (n,) are those of rings of the size that their plane demands."""
@@ -138,12 +138,6 @@ class Look:
             & (np.abs(fits.growth_px) <= config.max_growth * half_axes_px[:, 1] + 0.5)
         )
         return result
-
-
-def _noise_gain(weights: Samples) -> float:
-    """Standard deviation of an offset times contrast, in steps, for noise of one grey level."""
-    products = weights[..., 2]
-    return float(np.sqrt(np.einsum("...i,...i->...", products, products).max()))
 
 
 def _merged(first: MarkerFits, second: MarkerFits, where: npt.NDArray[np.bool_]) -> MarkerFits:

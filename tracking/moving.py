@@ -8,14 +8,16 @@ import numpy as np
 import numpy.typing as npt
 
 from geometry import Floats, View
-from tracking.edges import line_offsets
+from tracking.edges import area_filter, line_offsets
 from tracking.images import Image
 from tracking.measuring import Look, line_steps
 from tracking.outlines import RingPlanes, RingTemplates, ring_templates
 from tracking.profiles import Samples, line_points, line_vectors
 from tracking.standing import Found
 
-_Prepared: TypeAlias = tuple[npt.NDArray[np.int64], Floats, tuple[RingTemplates, Floats, Samples]]
+_Prepared: TypeAlias = tuple[
+    npt.NDArray[np.int64], Floats, tuple[RingTemplates, Floats, Samples, Floats]
+]
 
 _NEAR_PX = 0.4
 _TEMPLATE_SERVES_M = 0.1
@@ -53,16 +55,16 @@ class MovingMarkers:
         second look from the place that the first one gave is as exact as on a marker that stands.
         """
         look = self._look
-        rings, steps, vectors = self._prepared(which, expected)
+        rings, steps, vectors, calm = self._prepared(which, expected)
         edges, centres = rings.placed(self._view, expected)
         coordinates = line_points(edges, vectors)
-        fits, _ = look.fits(image, coordinates, steps)
+        fits = look.fits(image, coordinates, steps, area_filter(2), calm)
         shift = fits.shift_px
         if not np.abs(shift).max() < _NEAR_PX:
             good = np.isfinite(shift).all(axis=1) & (fits.contrast > 0.0)
             first = np.where(good[:, None], shift, 0.0)
             coordinates += first.astype(np.float32)[:, None, :]
-            fits, _ = look.fits(image, coordinates, steps)
+            fits = look.fits(image, coordinates, steps, area_filter(2), calm)
             shift = first + fits.shift_px
         good = look.acceptable(fits, rings.axes_px)
         centres = centres + shift
@@ -73,7 +75,7 @@ class MovingMarkers:
 
     def _prepared(
         self, which: npt.NDArray[np.int64], expected: Floats
-    ) -> tuple[RingTemplates, Floats, Samples]:
+    ) -> tuple[RingTemplates, Floats, Samples, Floats]:
         """Templates, steps and lines for places near these: those of before, if they serve."""
         last = self._last
         if last is not None and np.array_equal(last[0], which):
@@ -83,7 +85,8 @@ class MovingMarkers:
         lines = self._look.config.lines
         rings = ring_templates(self._view, expected, self._planes.take(which), lines)
         steps = line_steps(rings.axes_px)
-        prepared = rings, steps, line_vectors(lines, line_offsets(steps))
+        calm = self._look.calm(area_filter(2), steps)
+        prepared = rings, steps, line_vectors(lines, line_offsets(steps)), calm
         self._last = (which, expected, prepared)
         return prepared
 

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometry import Floats, View, at_height, circle_centres
-from tracking.identity import NOBODY, RingPair, pair_match
+from tracking.identity import NOBODY, CarMemory, RingPair, pair_match
 from tracking.images import Image
 from tracking.outlines import RingPlanes, half_axes
 from tracking.rings import RingSearch, RingSightings, find_rings
@@ -80,7 +80,7 @@ def match_moving(
     lost: npt.NDArray[np.bool_],
     seen_xy: Floats,
     pair: RingPair | None,
-    heading_rad: float | None,
+    memory: CarMemory | None,
 ) -> npt.NDArray[np.int64]:
     """The found ring of each moving marker (k, 2), or -1; places (k, m, 2), each at its height.
 
@@ -95,7 +95,7 @@ def match_moving(
         candidates = places[pair.front]
         if lost[both].all():
             gate = float(gates_m[both].max())
-            found = pair_match(pair, expected[both], gate, candidates, heading_rad)
+            found = pair_match(pair, expected[both], gate, candidates, memory)
             if found is not None:
                 matches[both] = found
         else:

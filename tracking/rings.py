@@ -81,7 +81,7 @@ class RingSightings:
 
 
 def find_rings(
-    image: npt.NDArray[np.generic],
+    image: npt.NDArray[np.generic] | None,
     search: RingSearch | None = None,
     region: tuple[slice, slice] | None = None,
 ) -> RingSightings:

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometry import Floats, View
+from tracking.edges import area_filter
 from tracking.images import Image
 from tracking.marker_fit import MarkerFits
 from tracking.measuring import Look, line_steps, ring_coordinates
@@ -46,6 +47,7 @@ class StandingMarkers:
         self._axes = np.ones((n, 2))
         self._steps = np.ones(n)
         self._gain = np.ones(n)
+        self._calm = np.ones(n)
         self.settled = np.zeros(n, bool)
         lines = look.config.lines
         self._coordinates = ring_coordinates(np.zeros((n, lines, 2, 2)), self._steps)
@@ -56,7 +58,8 @@ class StandingMarkers:
 
     def look(self, image: Image) -> Found:
         """Where they are now."""
-        fits, _ = self._look.fits(image, self._maps, self._steps, self._filters)
+        assert self._filters is not None
+        fits = self._look.fits(image, self._maps, self._steps, self._filters, self._calm)
         shift = fits.shift_px / self._gain[:, None]
         good = self.settled & self._look.acceptable(fits, self._axes)
         with np.errstate(invalid="ignore"):
@@ -80,7 +83,10 @@ class StandingMarkers:
         good = np.ones(len(which), bool)
         for _ in range(_SETTLING):
             self._lay_out(which)
-            fits, _ = self._look.fits(image, self._coordinates[which], self._steps[which])
+            steps = self._steps[which]
+            calm = self._look.calm(area_filter(2), steps)
+            spots = self._coordinates[which]
+            fits = self._look.fits(image, spots, steps, area_filter(2), calm)
             good &= self._look.acceptable(fits, self._axes[which])
             moved = np.einsum("nij,nj->ni", self._floor_slopes[which], fits.shift_px)
             self.xy[which] += np.where(good[:, None], moved, 0.0)
@@ -100,6 +106,7 @@ class StandingMarkers:
         self._coordinates[which] = ring_coordinates(edges, self._steps[which])
         self._maps = fixed_maps(self._coordinates)
         self._filters = self._look.filters(self._axes)
+        self._calm = self._look.calm(self._filters, self._steps)
 
     def _calibrate(self, image: Image, which: npt.NDArray[np.int64]) -> None:
         """The gain of the matched filter for the blur that the picture really has."""
@@ -110,7 +117,8 @@ class StandingMarkers:
         seen = []
         for aside in (-_PROBE_PX, _PROBE_PX):
             shifted = self._coordinates[which] + np.array([aside, 0.0], np.float32)
-            fits, _ = self._look.fits(image, shifted, self._steps[which], filters)
+            calm = self._calm[which]
+            fits = self._look.fits(image, shifted, self._steps[which], filters, calm)
             seen.append(fits.shift_px[:, 0])
         gain = (seen[0] - seen[1]) / (2.0 * _PROBE_PX)
         self._gain[which] = np.where((gain > 0.3) & (gain < 2.0), gain, 1.0)

@@ -7,6 +7,7 @@ position is LOST, and says so: no position is ever guessed.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy.typing as npt
 
 from geometry import Floats, View
 from tracking.errors import ImageError, TrackingError
-from tracking.identity import NOBODY, RingPair, heading_between, unique_matches
+from tracking.identity import NOBODY, CarMemory, RingPair, heading_between, unique_matches
 from tracking.images import Image, grey_image
 from tracking.markers import Marker, State, TrackedFrame
 from tracking.measuring import Look, TrackerConfig
@@ -25,6 +26,7 @@ from tracking.rings import RingSearch
 from tracking.standing import Found, StandingMarkers
 
 Indices = npt.NDArray[np.int64]
+_REMEMBERED_NS = 1_000_000_000
 _FAR_M = 0.6
 """Looking for a marker further around than this is as dear as searching the whole picture."""
 
@@ -68,7 +70,9 @@ class RingTracker:
         self._places = self._standing.xy.copy()
         self._moving = MovingMarkers(view, planes.take(self._move), look)
         self._pair = None if pair is None else self._ring_pair(*pair)
-        self._heading: float | None = None
+        self._told: CarMemory | None = None
+        self._ends = np.full((2, 2), np.nan)
+        self._remembered_ns: int | None = None
         self._recovery = Recovery(view, planes, search or _search_for(view, self.markers, planes))
         self._states = np.full(len(names), State.LOST, np.int8)
         self._shape = (view.camera.height_px, view.camera.width_px)
@@ -76,10 +80,14 @@ class RingTracker:
         self._searched_ns: int | None = None
 
     def expect_heading(self, heading_rad: float) -> None:
-        """Tell which way the car points, to a sixth of a turn; its rings alone do not say."""
-        self._heading = float(heading_rad)
+        """Tell which way the car points, to a sixth of a turn; its rings alone do not say.
 
-    def step(self, image: npt.NDArray[np.generic], t_ns: int) -> TrackedFrame:
+        Needed before the first frame, and when the car was lost for more than a second.
+        """
+        self._told = CarMemory(float(heading_rad), np.full(2, np.nan))
+        self._remembered_ns = None
+
+    def step(self, image: npt.NDArray[np.generic] | None, t_ns: int) -> TrackedFrame:
         """The markers in a frame whose exposure's middle was at t.
 
         Raises `ImageError` for what is no picture of this camera, `TrackingError` when time does
@@ -103,7 +111,7 @@ class RingTracker:
         if (report.states == State.LOST).any():
             self._search(grey, t_ns, report)
         self._states = report.states
-        self._remember_heading(report)
+        self._remember_car(report, t_ns)
         return report.frame(t_ns)
 
     def _settle_in_place(self, grey: Image, report: _Report) -> None:
@@ -130,11 +138,12 @@ class RingTracker:
         """The rings of the car keep their distance; if not, neither is believed."""
         if self._pair is None:
             return found
-        at = [np.flatnonzero(local == i) for i in (self._pair.front, self._pair.rear)]
-        if not (at[0].size and at[1].size):
+        order = local.tolist()
+        if not (self._pair.front in order and self._pair.rear in order):
             return found
-        front, rear = int(at[0][0]), int(at[1][0])
-        span = float(np.hypot(*(found.xy[front] - found.xy[rear])))
+        front, rear = order.index(self._pair.front), order.index(self._pair.rear)
+        x, y = (found.xy[front] - found.xy[rear]).tolist()
+        span = math.hypot(x, y)
         if not abs(span - self._pair.distance_m) <= self._pair.tolerance_m:
             found.good[[front, rear]] = False
         return found
@@ -171,7 +180,13 @@ class RingTracker:
         # One beside it may be the marker, moved, or a lost mover: then it is neither.
         theirs[~sure & (theirs != NOBODY) & possible[theirs]] = NOBODY
         mine = match_moving(
-            move_places, expected, reach, lost, report.xy[self._move], self._pair, self._heading
+            move_places,
+            expected,
+            reach,
+            lost,
+            report.xy[self._move],
+            self._pair,
+            self._car_memory(t_ns),
         )
         self._stand_again(grey, standing, theirs, stand_places, report)
         self._move_again(grey, mine, move_places, t_ns, report)
@@ -217,12 +232,20 @@ class RingTracker:
         seen = np.isfinite(self._moving.xy).all(axis=1)
         return np.where(seen, 0.02 + unsure, np.inf)
 
-    def _remember_heading(self, report: _Report) -> None:
+    def _car_memory(self, t_ns: int) -> CarMemory | None:
+        """How the car stood, unless it may have turned round since."""
+        if self._remembered_ns is None:
+            return self._told
+        if t_ns - self._remembered_ns > _REMEMBERED_NS:
+            return None
+        return CarMemory(heading_between(*self._ends), self._ends.mean(axis=0))
+
+    def _remember_car(self, report: _Report, t_ns: int) -> None:
         if self._pair is None:
             return
-        front, rear = self._move[self._pair.front], self._move[self._pair.rear]
-        if (report.states[[front, rear]] != State.LOST).all():
-            self._heading = heading_between(report.xy[front], report.xy[rear])
+        front, rear = int(self._move[self._pair.front]), int(self._move[self._pair.rear])
+        if State.LOST not in (report.states[front], report.states[rear]):
+            self._ends, self._remembered_ns = report.xy[[front, rear]], t_ns
 
     def _ring_pair(self, front: str, rear: str, distance_m: float) -> RingPair:
         movers = [self.markers[i].name for i in self._move]

@@ -41,7 +41,8 @@ def darkness(frame: Frame) -> Floats:
 
 def centroid(weight: Floats) -> Floats:
     rows, columns = np.mgrid[: weight.shape[0], : weight.shape[1]]
-    return np.array([(weight * columns).sum(), (weight * rows).sum()]) / weight.sum()
+    moments = np.array([(weight * columns).sum(), (weight * rows).sum()])
+    return np.asarray(moments / weight.sum())
 
 
 def spread(weight: Floats) -> Floats:
@@ -49,7 +50,7 @@ def spread(weight: Floats) -> Floats:
     rows, columns = np.mgrid[: weight.shape[0], : weight.shape[1]]
     x, y = centroid(weight)
     moments = [(weight * (columns - x) ** 2).sum(), (weight * (rows - y) ** 2).sum()]
-    return np.array(moments) / weight.sum()
+    return np.asarray(np.array(moments) / weight.sum())
 
 
 def polygon_area(points: Floats) -> float:

@@ -85,4 +85,4 @@ class Track:
 
 def sheet(centre: Floats, half: tuple[float, float]) -> Floats:
     """Corners (4, 2) of a rectangle in pixels."""
-    return centre + np.array(half) * np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]])
+    return np.asarray(centre + np.array(half) * np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]))

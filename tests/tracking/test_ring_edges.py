@@ -8,6 +8,7 @@ from scipy.special import erf
 
 from geometry import Floats
 from tracking.edges import REACH, SAMPLES, area_filter, edge_offsets, matched_filter
+from tracking.profiles import Samples
 
 SIGMA_PX, BLACK_PX, PAPER_PX = 0.8, 8.2, 4.9
 
@@ -20,18 +21,18 @@ def line(
     outer_px: float,
     inner_px: float,
     levels: tuple[float, float, float, float] = (170.0, 45.0, 170.0, 110.0),
-) -> Floats:
+) -> Samples:
     """Samples (1, 14) across an outer and an inner edge moved outwards by so many pixels."""
     inside, ring, paper, floor = levels
     offsets = np.arange(-REACH, REACH + 1.0)
     to_outer = np.concatenate([offsets, offsets - BLACK_PX])
     at_inner, at_outer = to_outer + BLACK_PX - inner_px, to_outer - outer_px
     step = inside + (ring - inside) * beyond(at_inner) + (paper - ring) * beyond(at_outer)
-    return (step + (floor - paper) * beyond(to_outer - PAPER_PX))[None]
+    return np.asarray(step + (floor - paper) * beyond(to_outer - PAPER_PX), np.float32)[None]
 
 
-def matched() -> Floats:
-    return np.asarray(matched_filter(1.0, BLACK_PX, PAPER_PX, SIGMA_PX), np.float64)
+def matched() -> Samples:
+    return matched_filter(1.0, BLACK_PX, PAPER_PX, SIGMA_PX)
 
 
 @pytest.mark.parametrize("shift", [-1.2, -0.4, 0.0, 0.7, 1.2])
@@ -61,14 +62,14 @@ def test_levels_of_their_own_do_not_move_the_edges(
 
 def test_the_matched_filter_is_quieter_than_the_area() -> None:
     rng = np.random.default_rng(2)
-    noisy = line(0.0, 0.0) + 2.5 * rng.standard_normal((4000, 2 * SAMPLES))
+    noisy = line(0.0, 0.0) + np.float32(2.5) * rng.standard_normal((4000, 14), np.float32)
 
-    def noise_at_gain_one(weights: Floats) -> float:
+    def noise_at_gain_one(weights: Samples) -> float:
         gain = edge_offsets(line(0.1, 0.1), weights, 1)[1][0, 0, 0] / 0.1
         return float(edge_offsets(noisy, weights, 1)[1][:, 0, 0].std() / gain)
 
-    area = np.asarray(area_filter(2), np.float64)
-    assert noise_at_gain_one(matched()) ** 2 < 0.6 * noise_at_gain_one(area) ** 2
+    area = noise_at_gain_one(area_filter(2))
+    assert noise_at_gain_one(matched()) ** 2 < 0.6 * area**2
 
 
 def test_where_there_is_no_edge_the_offset_is_not_finite() -> None:
