@@ -20,10 +20,13 @@ from tracking.film import Film
 from tracking.identity import heading_between
 from tracking.images import Image
 from tracking.markers import Marker, State, TrackedFrame
+from tracking.measuring import TrackerConfig
 from tracking.rings import RingSearch, find_rings
 from tracking.scene import Scene
 from tracking.tracker import RingTracker
 
+_OFFLINE = TrackerConfig(search_period_s=0.1)
+"""Nobody waits for the next frame: what is lost is searched for at once and often."""
 FRONT, REAR = "marker_front", "marker_rear"
 _SPAN_M, _KNOWN_M = 0.02, 0.10
 _AGAIN_S = 0.5
@@ -98,7 +101,7 @@ class _Run:
         self.markers = _markers(self.world, self.scene, self.cones)
         pair = (FRONT, REAR, self.scene.car.span_m)
         view = self.world.view
-        self.tracker = RingTracker(view, self.markers, pair=pair)
+        self.tracker = RingTracker(view, self.markers, _OFFLINE, pair=pair)
         self._search = RingSearch(shape=self.world.ring, smallest_px=8.0)
         self._seen_ns: int | None = None
         self._looked_ns: int | None = None
@@ -200,18 +203,20 @@ def _turn_round(
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Swap front and rear, in place, in stretches in which the car drove backwards.
 
-    Returns those, and the stretches in which it hardly moved, so that nothing was settled.
+    Returns those, and the stretches in which it hardly moved: they follow the one before them.
     """
-    flipped, unsettled = [], []
+    flipped, unsettled = list[int](), list[int]()
     both = (columns["states"][:, -2:] != State.LOST).all(axis=1)
     for number in np.unique(stretch).tolist():
         rows = np.flatnonzero((stretch == number) & both)
         if not rows.size or (told and number == 0):
             continue
         forward_m = _forward_m(np.asarray(columns["xy_m"], np.float64)[rows])
-        if abs(forward_m) < _TELLING_M:
+        settled = abs(forward_m) >= _TELLING_M
+        if not settled:
             unsettled.append(number)
-        elif forward_m < 0.0:
+        # An unsettled stretch was begun in the sense of the one before it.
+        if forward_m < 0.0 if settled else number - 1 in flipped:
             flipped.append(number)
             whole = np.flatnonzero(stretch == number)
             for column in columns.values():
