@@ -95,9 +95,9 @@ def _annotated(
         place = _pixel(result.tracks.pixels[row, k])
         cv2.drawMarker(picture, place, colour, cv2.MARKER_CROSS, 12 * wide, wide, cv2.LINE_AA)
         words = name.removeprefix("marker_").removeprefix("cone ")
-        corner = (place[0] + 8 * wide, place[1] - 8 * wide)
+        corner = (place[0] + 24 * wide, place[1] - 16 * wide)
         cv2.putText(
-            picture, words, corner, cv2.FONT_HERSHEY_SIMPLEX, 0.5 * wide, colour, wide, cv2.LINE_AA
+            picture, words, corner, cv2.FONT_HERSHEY_SIMPLEX, 0.6 * wide, colour, wide, cv2.LINE_AA
         )
     return picture
 
