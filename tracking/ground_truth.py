@@ -21,6 +21,7 @@ from tracking.following import Tracks, follow
 from tracking.identity import car_pose
 from tracking.scene import CarRings, Scene
 from tracking.still_rings import average_rings
+from tracking.torn import without_torn
 from tracking.verdict import Judgement, judged
 from tracking.watching import Watch, watch
 
@@ -73,7 +74,7 @@ def track_film(
     if cones is None:
         found = cones_of(film, world, scene)
         cones, remarks = found.cones, found.remarks
-    tracks = follow(film, world, scene, cones, advance)
+    tracks = without_torn(follow(film, world, scene, cones, advance))
     path, covariances, bridged, rows = _car_path(tracks, world, scene)
     seen = watch(tracks)
     both = tracks.seen[:, -2:].all(axis=1)

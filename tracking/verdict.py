@@ -72,7 +72,8 @@ def judged(
     gap_s = float(np.diff(tracks.t_ns[both]).max(initial=0)) * 1e-9
     within = tracks.sequence[both[-1]] - tracks.sequence[both[0]] + 1
     coverage = float(both.size / max(int(within), 1))
-    total = len(tracks.t_ns) + len(tracks.faults)
+    torn = sum(fault.startswith("torn") for _, fault in tracks.faults)
+    total = len(tracks.t_ns) + len(tracks.faults) - torn
     off_m = float(span_m.mean()) - scene.car.span_m
     start_ns = int(tracks.t_ns[0])
     reasons = [

@@ -3,6 +3,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import lru_cache
 
+import cv2
 import numpy as np
 import pytest
 from filmed_run import CONES, RATE_HZ, SCENE, VIEW, Run, world
@@ -107,6 +108,30 @@ def test_damaged_and_black_frames_are_counted_and_bridged() -> None:
     assert "1 frames left out, damaged: 30" in "\n".join(result.judgement.remarks)
     assert run.t_ns[30] not in result.truth.path.t_ns
     assert result.judgement.coverage == pytest.approx(44 / 45)
+
+
+def test_pictures_torn_within_are_found_by_their_rings() -> None:
+    """Forty bytes overwritten in the middle of a JPEG: it decodes, and parts of it are shifted."""
+    rng = np.random.default_rng(0)
+
+    def change(k: int, image: Image) -> Image | None:
+        if k % 6 != 1 or k < 5:
+            return image
+        data = bytearray(cv2.imencode(".jpg", image)[1].tobytes())
+        start = int(rng.integers(len(data) // 5, len(data) * 4 // 5))
+        data[start : start + 40] = rng.integers(0, 255, 40, np.uint8).tobytes()
+        decoded = cv2.imdecode(np.frombuffer(bytes(data), np.uint8), cv2.IMREAD_GRAYSCALE)
+        return None if decoded is None else np.asarray(decoded, np.uint8)
+
+    run = Run(frames=50, change=change)
+    result = track_film(run.film(), world(), SCENE)
+    assert np.abs(errors(run, result)[:, :2]).max() < 3e-3
+    assert result.watch.bumps == ()
+    assert result.watch.moved_ns is None
+    told = [line for line in result.judgement.remarks if "torn" in line]
+    assert len(told) == 1
+    assert 4 <= int(told[0].split()[0]) <= 12
+    assert result.judgement.frames == 50
 
 
 def test_a_camera_that_was_knocked_is_told() -> None:
