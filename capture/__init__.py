@@ -4,6 +4,7 @@ The only room that knows the file formats: session folders, MCAP logs, ROS bags,
 landmark tables. `rosbags` and `mcap` are imported when a log is opened, not before.
 """
 
+from capture.arrived import Arrived
 from capture.calibrations import (
     CameraCalibration,
     LengthResidual,
@@ -32,6 +33,7 @@ from capture.errors import (
     TextFileError,
 )
 from capture.estimate import NO_STAMP, Estimate, EstimatedMap, GroundTruth
+from capture.growing_odometry import GrowingOdometry, no_odometry
 from capture.images import LoggedImage
 from capture.landmark_table import (
     read_estimated_map,
@@ -41,26 +43,43 @@ from capture.landmark_table import (
     write_landmarks,
     write_path_covariance,
 )
-from capture.session import Session, list_sessions
+from capture.log_tail import LogTail
+from capture.point_cloud import point_cloud_message
+from capture.session import Session, list_sessions, preferred_source
 from capture.session_info import ClockPair, SessionInfo, software
 from capture.stamps import ns_to_stamp, stamp_to_ns
-from capture.streams import Imu, Observations, Odometry, Scans, VescState
+from capture.streams import (
+    Drive,
+    Imu,
+    Observations,
+    Odometry,
+    Scans,
+    VescState,
+    extended,
+    joined,
+    split,
+)
 from capture.transaction import new_folder, write_text
 from capture.tum import TumPath, read_planar_tum, read_tum, write_tum
+from capture.yaml_file import read_yaml, write_yaml
 
 __all__ = [
     "NO_STAMP",
+    "Arrived",
     "CalibrationFileError",
     "CameraCalibration",
     "CaptureError",
     "ClockPair",
     "ConfigurationError",
+    "Drive",
     "Estimate",
     "EstimatedMap",
     "GroundTruth",
+    "GrowingOdometry",
     "Imu",
     "LengthResidual",
     "LogError",
+    "LogTail",
     "LoggedImage",
     "MissingStreamError",
     "Observations",
@@ -78,10 +97,15 @@ __all__ = [
     "calibration_file",
     "configuration_from_mapping",
     "configuration_from_text",
+    "extended",
+    "joined",
     "list_sessions",
     "new_folder",
+    "no_odometry",
     "now_utc",
     "ns_to_stamp",
+    "point_cloud_message",
+    "preferred_source",
     "read_camera_calibration",
     "read_configuration",
     "read_estimated_map",
@@ -90,7 +114,9 @@ __all__ = [
     "read_planar_tum",
     "read_tum",
     "read_world_calibration",
+    "read_yaml",
     "software",
+    "split",
     "stamp_to_ns",
     "with_overrides",
     "write_calibration",
@@ -99,4 +125,5 @@ __all__ = [
     "write_path_covariance",
     "write_text",
     "write_tum",
+    "write_yaml",
 ]

@@ -13,6 +13,8 @@ from capture.topics import (
     IMU_TOPIC,
     IMU_TYPE,
     ODOMETRY_TYPE,
+    POINTS_TOPIC,
+    POINTS_TYPE,
     POSE_TYPE,
     RANGE_BEARING_TOPIC,
     RANGE_BEARING_TYPE,
@@ -31,6 +33,7 @@ NONE = "none"
 # Role: the type of its topic, and where it goes.
 _SINGLE = {
     "scan": (SCAN_TYPE, SCAN_TOPIC),
+    "points": (POINTS_TYPE, POINTS_TOPIC),
     "imu": (IMU_TYPE, IMU_TOPIC),
     "vesc_state": (VESC_STATE_TYPE, VESC_STATE_TOPIC),
     "drive": (DRIVE_TYPE, DRIVE_TOPIC),
@@ -92,7 +95,8 @@ def _guessed(topic: BagTopic) -> Role | None:
     if topic.type_name in _TRUTH_TYPES and _TRUTH_NAME.search(topic.name):
         return Role(TRUTH, topic, "")
     for role, (type_name, target) in _SINGLE.items():
-        if topic.type_name == type_name:
+        # Clouds there are of every kind and layout; ours stands on its own topic.
+        if topic.type_name == type_name and (role != "points" or topic.name == target):
             return Role(role, topic, target)
     if topic.type_name == ODOMETRY_TYPE:
         source = _source(topic.name)

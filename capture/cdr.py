@@ -56,6 +56,11 @@ RANGE_BEARING_ARRAY: Fields = (
     ("range_m", "f8[]"),
     ("bearing_rad", "f8[]"),
 )
+ACKERMANN_DRIVE: Fields = (
+    *HEADER,
+    *((name, "f4") for name in ("steering_angle", "steering_angle_velocity", "speed")),
+    *((name, "f4") for name in ("acceleration", "jerk")),
+)
 VESC_STATE: Fields = (
     *HEADER,
     *((name, "f8") for name in ("temp_fet", "temp_motor", "current_motor", "current_input")),

@@ -7,6 +7,7 @@ does not (TICSync, Harrison and Newman, ICRA 2011; measured in reference/protoco
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
@@ -24,8 +25,10 @@ Point = tuple[int, int]
 
 BLOCK_NS = 2_000_000_000
 REFIT_NS = 100_000_000
-MIN_SPAN_NS = 500_000_000
+MIN_SPAN_NS = 100_000_000
 """Below this span the slope is taken as 1: jitter would be read as skew."""
+MAX_SKEW = 1e-3
+"""Of a device with a crystal; far more than any has, and a bound for what jitter may pretend."""
 
 
 @dataclass(frozen=True)
@@ -89,10 +92,12 @@ class ClockLine:
 class ClockFilter:
     """A device's clock as it shows in the arrivals; causal, for ticks in the order of arrival.
 
-    window_s : how far back it looks, so that a drift with temperature is followed;
-    restarts : how often the device's clock began anew (its epoch changed or it went back).
+    max_skew : how wrong the device's rate can be; window_s : how far back it looks, so that a drift
+    with temperature is followed; restarts : how often the device's clock began anew (its epoch
+    changed, or it went back).
     """
 
+    max_skew: float = MAX_SKEW
     window_s: float = 60.0
     restarts: int = 0
     _epoch: int | None = None
@@ -115,7 +120,7 @@ class ClockFilter:
             self._forget(point[0])
         _extend_hull(self._blocks[-1], point)
         if self._line is None or point[0] - self._fitted_ns >= REFIT_NS:
-            self._line = fitted_line(chain.from_iterable(self._blocks))
+            self._line = fitted_line(chain.from_iterable(self._blocks), self.max_skew)
             self._fitted_ns = point[0]
 
     def observe_all(self, ticks: Sequence[Tick]) -> None:
@@ -141,10 +146,11 @@ class ClockFilter:
             self._blocks.popleft()
 
 
-def fitted_line(points: Iterable[Point]) -> ClockLine:
+def fitted_line(points: Iterable[Point], max_skew: float = MAX_SKEW) -> ClockLine:
     """The line under all points, in the order of device time, that touches them mid-window.
 
-    That is the segment of their lower hull above the middle. Raises `ValueError` without a point.
+    That is the segment of their lower hull above the middle, or where this is steeper or flatter
+    than `max_skew` allows, the line of that skew. Raises `ValueError` without a point.
     """
     hull: list[Point] = []
     for point in points:
@@ -153,12 +159,23 @@ def fitted_line(points: Iterable[Point]) -> ClockLine:
         raise ValueError("no tick, no clock")
     first, last = hull[0][0], hull[-1][0]
     if last - first < MIN_SPAN_NS:
-        device_ns, ours_ns = min(hull, key=lambda point: point[1] - point[0])
-        return ClockLine(device_ns, ours_ns, 0.0)
+        return _touching(hull, 0.0)
     middle = (first + last) // 2
     right = next(i for i, point in enumerate(hull) if point[0] > middle)
     (d0, a0), (d1, a1) = hull[right - 1], hull[right]
-    return ClockLine(d0, a0, (a1 - a0) / (d1 - d0) - 1.0)
+    skew = (a1 - a0) / (d1 - d0) - 1.0
+    if abs(skew) > max_skew:
+        return _touching(hull, math.copysign(max_skew, skew))
+    return ClockLine(d0, a0, skew)
+
+
+def _touching(hull: Sequence[Point], skew: float) -> ClockLine:
+    """The highest line of this skew that lies above no point."""
+    start = hull[0][0]
+    device_ns, ours_ns = min(
+        hull, key=lambda point: point[1] - point[0] - skew * (point[0] - start)
+    )
+    return ClockLine(device_ns, ours_ns, skew)
 
 
 def _extend_hull(hull: list[Point], point: Point) -> None:

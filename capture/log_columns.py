@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
 from capture.cdr import (
+    ACKERMANN_DRIVE,
     IMU,
     LASER_SCAN,
     ODOMETRY,
@@ -18,45 +21,92 @@ from capture.cdr import (
 from capture.errors import LogError
 from capture.log_reader import RawMessages
 from capture.stamps import NS_PER_S
-from capture.streams import Imu, Observations, Odometry, Scans, VescState
+from capture.streams import Drive, Imu, Observations, Odometry, Scans, VescState
 from capture.yaw import heading_of
 from geometry import Floats, Stamps, between, wrap
 
 _REST = 1e-12
+LOST_COVARIANCE = 9999.0
+"""Variance of x by which a visual odometry says that it is lost."""
 
 
 def odometry_columns(raw: RawMessages, source: str) -> Odometry:
     """Poses and speeds; where a source tells only one of the two, the other is made from it.
 
-    Messages that are not finite are left out, as are repeated stamps.
+    Messages that are not finite are left out, as are repeated stamps and those that say the source
+    was lost; raises `LogError` when none is left.
+    """
+    told = told_odometry(raw, source)
+    if not told.t_ns.size:
+        raise LogError(
+            f"topic {raw.topic}: none of its {len(raw.messages)} messages tells a pose "
+            f"({told.lost_t_ns.size} say that the source was lost); use another source"
+        )
+    pose, speed, yaw_rate = told.pose_odom_base, told.speed_m_s, told.yaw_rate_rad_s
+    moves, tells_speed = bool(np.any(at_other(pose, pose[:1]))), bool(np.any(tells_motion(told)))
+    if tells_speed and not moves:
+        return replace(told, pose_odom_base=integrated(told.t_ns, speed, yaw_rate, pose[:1]))
+    if moves and not tells_speed:
+        speed, yaw_rate = differentiated(told.t_ns, pose)
+        return replace(told, speed_m_s=speed, yaw_rate_rad_s=yaw_rate)
+    return told
+
+
+def told_odometry(raw: RawMessages, source: str) -> Odometry:
+    """The messages of an odometry topic as they are, those left out that tell nothing.
+
+    A visual odometry that got lost goes on repeating its pose with a covariance of 9999 (libviso2
+    in `viso2_ros`, stereo_odometer.cpp, BAD_COVARIANCE): as a sample that would be a standstill.
     """
     table = _Table(raw, ODOMETRY)
     position, heading = table.column("position"), heading_of(table.column("orientation"))
     pose = np.stack([position[:, 0], position[:, 1], heading], axis=1)
     speed, yaw_rate = table.column("linear")[:, 0], table.column("angular")[:, 2]
-    kept = np.isfinite(pose).all(axis=1) & np.isfinite(speed) & np.isfinite(yaw_rate)
-    t_ns, pose, speed, yaw_rate = table.t_ns[kept], pose[kept], speed[kept], yaw_rate[kept]
-    moves = bool(np.any(np.abs(pose - pose[:1]) > _REST))
-    tells_speed = bool(np.any(np.abs(speed) > _REST) or np.any(np.abs(yaw_rate) > _REST))
-    if tells_speed and not moves:
-        pose = integrated(t_ns, speed, yaw_rate)
-    elif moves and not tells_speed:
-        speed, yaw_rate = _differentiated(t_ns, pose)
-    return Odometry(source, t_ns, pose, speed, yaw_rate)
+    finite = np.isfinite(pose).all(axis=1) & np.isfinite(speed) & np.isfinite(yaw_rate)
+    lost = table.column("pose_covariance")[:, 0] == LOST_COVARIANCE
+    kept = finite & ~lost
+    return Odometry(
+        source, table.t_ns[kept], pose[kept], speed[kept], yaw_rate[kept], table.t_ns[lost]
+    )
 
 
-def integrated(t_ns: Stamps, speed_m_s: Floats, yaw_rate_rad_s: Floats) -> Floats:
-    """Poses (n, 3) from (0, 0, 0): each speed holds until the next message.
+def at_other(pose: Floats, reference: Floats) -> npt.NDArray[np.bool_]:
+    """(n,): whether each pose is another than the reference (1, 3)."""
+    moved: npt.NDArray[np.bool_] = np.any(np.abs(pose - reference) > _REST, axis=1)
+    return moved
+
+
+def tells_motion(odometry: Odometry) -> npt.NDArray[np.bool_]:
+    """(n,): whether each sample tells a speed or a turn rate."""
+    moving: npt.NDArray[np.bool_] = (np.abs(odometry.speed_m_s) > _REST) | (
+        np.abs(odometry.yaw_rate_rad_s) > _REST
+    )
+    return moving
+
+
+def integrated(
+    t_ns: Stamps, speed_m_s: Floats, yaw_rate_rad_s: Floats, start: Floats | None = None
+) -> Floats:
+    """Poses (n, 3) from `start` (1, 3) or (0, 0, 0): each speed holds until the next message.
 
     Each step goes straight along its mean heading, which is good to second order in the turn.
     """
+    start = np.zeros((1, 3)) if start is None else start
+    poses = unwound(t_ns, speed_m_s, yaw_rate_rad_s, start)
+    poses[:, 2] = wrap(poses[:, 2])
+    return poses
+
+
+def unwound(t_ns: Stamps, speed_m_s: Floats, yaw_rate_rad_s: Floats, start: Floats) -> Floats:
+    """The same with headings that are not wrapped, so that it can be gone on with exactly."""
+    ((x0, y0, heading0),) = start
     period_s = np.diff(t_ns) * 1e-9
     turn, step = yaw_rate_rad_s[:-1] * period_s, speed_m_s[:-1] * period_s
-    heading = np.concatenate([[0.0], np.cumsum(turn)])
+    heading = np.cumsum(np.append(heading0, turn))
     middle = heading[:-1] + turn / 2
-    x = np.concatenate([[0.0], np.cumsum(step * np.cos(middle))])
-    y = np.concatenate([[0.0], np.cumsum(step * np.sin(middle))])
-    return np.stack([x, y, wrap(heading)], axis=1)
+    x = np.cumsum(np.append(x0, step * np.cos(middle)))
+    y = np.cumsum(np.append(y0, step * np.sin(middle)))
+    return np.stack([x, y, heading], axis=1)
 
 
 def scan_columns(raw: RawMessages) -> Scans:
@@ -82,6 +132,12 @@ def scan_columns(raw: RawMessages) -> Scans:
         np.concatenate(bearings),
         np.concatenate(intensities),
     )
+
+
+def drive_columns(raw: RawMessages) -> Drive:
+    """Commands of an `AckermannDriveStamped` topic."""
+    table = _Table(raw, ACKERMANN_DRIVE)
+    return Drive(table.t_ns, table.column("steering_angle"), table.column("speed"))
 
 
 def imu_columns(raw: RawMessages) -> Imu:
@@ -149,7 +205,7 @@ class _Table:
         return np.concatenate([block[name] for block in self._blocks])
 
 
-def _differentiated(t_ns: Stamps, pose: Floats) -> tuple[Floats, Floats]:
+def differentiated(t_ns: Stamps, pose: Floats) -> tuple[Floats, Floats]:
     """Forward speed and turn rate (n,) from one pose to the next; the last two are equal."""
     if t_ns.size < 2:
         return np.zeros(t_ns.size), np.zeros(t_ns.size)

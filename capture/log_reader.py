@@ -24,13 +24,13 @@ from geometry import Stamps
 if TYPE_CHECKING:
     from mcap.records import Channel, Chunk, McapRecord, Schema
 
-_MAGIC = b"\x89MCAP0\r\n"
-_RECORD = struct.Struct("<BQ")
+MAGIC = b"\x89MCAP0\r\n"
+RECORD = struct.Struct("<BQ")
 # Signed times: what does not fit into int64 comes from damage, and must not stop numpy.
 _MESSAGE = struct.Struct("<HIqq")
 _MAX_NS = 2**63 - 1
 _SCHEMA_OP, _CHANNEL_OP, _MESSAGE_OP = 3, 4, 5
-_MAX_RECORD_BYTES = 1 << 30
+MAX_RECORD_BYTES = 1 << 30
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class McapLog:
     @cached_property
     def topics(self) -> dict[str, Topic]:
         """Every topic by name, sorted."""
-        scan = _Scan(self.file)
+        scan = LogScan(self.file)
         times: dict[str, list[int]] = {}
         for topic, log_t_ns, *_ in scan.messages(None):
             times.setdefault(topic, []).append(log_t_ns)
@@ -134,7 +134,7 @@ class McapLog:
         """All messages of a topic; none if the log does not know it."""
         found = [
             (log_t_ns, content[start:stop])
-            for _, log_t_ns, _, content, start, stop in _Scan(self.file).messages({topic})
+            for _, log_t_ns, _, content, start, stop in LogScan(self.file).messages({topic})
         ]
         found.sort(key=itemgetter(0))
         log_t_ns = np.array([t_ns for t_ns, _ in found], dtype=np.int64)
@@ -142,18 +142,21 @@ class McapLog:
 
     def messages(self) -> Iterator[LoggedMessage]:
         """Every message of every topic in the order of the file, one at a time."""
-        scan = _Scan(self.file)
+        scan = LogScan(self.file)
         for topic, log_t_ns, stamp_ns, content, start, stop in scan.messages(None):
             yield LoggedMessage(topic, log_t_ns, stamp_ns, content[start:stop])
 
 
 # Topic, log time, stamp, and a message where it lies: `content[start:stop]` is its CDR. A plain
 # tuple, as sixty thousand of anything dearer would cost more than their decompression.
-_Found = tuple[str, int, int, bytes, int, int]
+Found = tuple[str, int, int, bytes, int, int]
 
 
-class _Scan:
-    """One pass through a file; what it met on the way stays in its attributes."""
+class LogScan:
+    """One pass through a file; what it met on the way stays in its attributes.
+
+    Raises `LogError` where a channel is encoded otherwise than as CDR.
+    """
 
     def __init__(self, file: Path) -> None:
         self.file = file
@@ -162,34 +165,37 @@ class _Scan:
         self.damaged_chunks = 0
         self.reached_end = False
 
-    def messages(self, topics: Collection[str] | None) -> Iterator[_Found]:
+    def messages(self, topics: Collection[str] | None) -> Iterator[Found]:
         """The messages of `topics` (None: all) in the order of the file."""
+        before = 0
+        for record in self._records():
+            before = self.damaged_chunks
+            yield from self.messages_of(record, topics)
+        # The chunk that was being written when the power went is cut off, not damaged.
+        self.damaged_chunks = before
+
+    def messages_of(self, record: McapRecord, topics: Collection[str] | None) -> Iterator[Found]:
+        """The messages of `topics` (None: all) in one record; channels and schemas are noted."""
         from mcap.exceptions import McapError
         from mcap.records import Channel, Chunk, Footer, Message, Schema
 
-        last_was_damaged = False
-        for record in self._records():
-            last_was_damaged = False
-            if isinstance(record, Chunk):
-                try:
-                    yield from self._chunk_messages(_content(record), topics)
-                except (McapError, struct.error, ValueError):
-                    self.damaged_chunks += 1
-                    last_was_damaged = True
-            elif isinstance(record, Footer):
-                self.reached_end = True
-            elif isinstance(record, Schema):
-                self.schemas[record.id] = record
-            elif isinstance(record, Channel):
-                self._note_channel(record)
-            elif isinstance(record, Message):
-                topic = self._wanted(topics).get(record.channel_id)
-                if topic is not None:
-                    log_t_ns = min(record.log_time, _MAX_NS)
-                    stamp_ns = min(record.publish_time, _MAX_NS)
-                    yield topic, log_t_ns, stamp_ns, record.data, 0, len(record.data)
-        # The chunk that was being written when the power went is cut off, not damaged.
-        self.damaged_chunks -= last_was_damaged
+        if isinstance(record, Chunk):
+            try:
+                yield from self._chunk_messages(_content(record), topics)
+            except (McapError, struct.error, ValueError):
+                self.damaged_chunks += 1
+        elif isinstance(record, Footer):
+            self.reached_end = True
+        elif isinstance(record, Schema):
+            self.schemas[record.id] = record
+        elif isinstance(record, Channel):
+            self._note_channel(record)
+        elif isinstance(record, Message):
+            topic = self._wanted(topics).get(record.channel_id)
+            if topic is not None:
+                log_t_ns = min(record.log_time, _MAX_NS)
+                stamp_ns = min(record.publish_time, _MAX_NS)
+                yield topic, log_t_ns, stamp_ns, record.data, 0, len(record.data)
 
     def _records(self) -> Iterator[McapRecord]:
         """Top-level records up to the end of the file, or to where it stops making sense."""
@@ -198,22 +204,22 @@ class _Scan:
 
         try:
             with self.file.open("rb") as stream:
-                reader = StreamReader(stream, emit_chunks=True, record_size_limit=_MAX_RECORD_BYTES)
+                reader = StreamReader(stream, emit_chunks=True, record_size_limit=MAX_RECORD_BYTES)
                 yield from reader.records
         except (McapError, struct.error, ValueError, OverflowError, MemoryError):
             return  # a length that is none: the end of what can be read
         except OSError as err:
-            raise _unreadable(self.file, err) from err
+            raise unreadable(self.file, err) from err
 
-    def _chunk_messages(self, content: bytes, topics: Collection[str] | None) -> Iterator[_Found]:
+    def _chunk_messages(self, content: bytes, topics: Collection[str] | None) -> Iterator[Found]:
         from mcap.data_stream import ReadDataStream
         from mcap.records import Channel, Schema
 
         at, end = 0, len(content)
         wanted = self._wanted(topics)
         while at < end:
-            op, length = _RECORD.unpack_from(content, at)
-            at += _RECORD.size
+            op, length = RECORD.unpack_from(content, at)
+            at += RECORD.size
             if op == _MESSAGE_OP:
                 channel, _, log_t_ns, stamp_ns = _MESSAGE.unpack_from(content, at)
                 if channel in wanted:
@@ -271,17 +277,18 @@ def _has_end(file: Path) -> bool:
     """Whether the file ends as an MCAP file should; raises `LogError` when it does not begin so."""
     try:
         with file.open("rb") as stream:
-            start = stream.read(len(_MAGIC))
+            start = stream.read(len(MAGIC))
             size = stream.seek(0, 2)
-            stream.seek(max(0, size - len(_MAGIC)))
+            stream.seek(max(0, size - len(MAGIC)))
             end = stream.read()
     except OSError as err:
-        raise _unreadable(file, err) from err
-    if start != _MAGIC:
+        raise unreadable(file, err) from err
+    if start != MAGIC:
         what = "is empty" if not size else "is no MCAP file"
         raise LogError(f"{file}: {what}; expected an MCAP log; restore it from the car or a copy")
-    return end == _MAGIC and size > len(_MAGIC)
+    return end == MAGIC and size > len(MAGIC)
 
 
-def _unreadable(file: Path, err: OSError) -> LogError:
+def unreadable(file: Path, err: OSError) -> LogError:
+    """The error that says which log cannot be read, and why."""
     return LogError(f"{file}: cannot be read: {err.strerror or err}; check owner, mode and disk")

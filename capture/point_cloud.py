@@ -140,5 +140,6 @@ def _rows(raw: RawMessages) -> list[np.void]:
 def _other_layout(topic: str) -> LogError:
     return LogError(
         f"topic {topic}: not every cloud has the fields {', '.join(_KINDS)} as trackside records "
-        "them (docs/formats.md); rename that topic, then its LaserScan is taken"
+        "them (docs/formats.md); leave it out with trackside import bag --topic points=none, then "
+        "the LaserScan is taken"
     )

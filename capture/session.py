@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,14 +19,16 @@ from capture.result_files import (
     write_ground_truth,
 )
 from capture.session_info import FILE_NAME, SessionInfo, read_session_info
-from capture.streams import Imu, Observations, Odometry, Scans, VescState
+from capture.streams import Drive, Imu, Observations, Odometry, Scans, VescState
 from capture.topics import (
+    DRIVE_TOPIC,
     IMU_TOPIC,
     LOG_NAME,
     ODOMETRY_SUFFIX,
     ODOMETRY_TYPE,
     OVERHEAD_LOG_NAME,
     OVERHEAD_TOPIC,
+    POINTS_TOPIC,
     PREFERRED_SOURCES,
     RANGE_BEARING_TOPIC,
     SCAN_TOPIC,
@@ -38,7 +40,9 @@ from capture.topics import (
 if TYPE_CHECKING:
     from capture.images import LoggedImage
     from capture.log_reader import McapLog, RawMessages, Topic
+    from capture.log_tail import LogTail
     from capture.session_writer import SessionWriter
+    from drivers.vesc import VescCalibration
 
 
 @dataclass(frozen=True)
@@ -84,6 +88,12 @@ class Session:
 
         return tuple(McapLog(file) for file in sorted(self.folder.glob("[!.]*.mcap")))
 
+    def log_tail(self) -> LogTail:
+        """A reader of the log while it is being recorded; it need not exist yet."""
+        from capture.log_tail import LogTail
+
+        return LogTail(self.folder / LOG_NAME)
+
     @property
     def topics(self) -> tuple[Topic, ...]:
         """What the log holds, by name."""
@@ -124,7 +134,7 @@ class Session:
     @property
     def has_scans(self) -> bool:
         """Whether there are lidar revolutions."""
-        return self._has(SCAN_TOPIC)
+        return self._has(POINTS_TOPIC) or self._has(SCAN_TOPIC)
 
     @property
     def has_observations(self) -> bool:
@@ -132,7 +142,11 @@ class Session:
         return self._has(RANGE_BEARING_TOPIC)
 
     def scans(self) -> Scans:
-        """Lidar revolutions."""
+        """Lidar revolutions; of `/lidar/points`, which has each beam's own time, else `/scan`."""
+        if self._has(POINTS_TOPIC):
+            from capture.point_cloud import point_cloud_columns
+
+            return point_cloud_columns(self._raw("lidar points", POINTS_TOPIC))
         from capture.log_columns import scan_columns
 
         return scan_columns(self._raw("lidar scans", SCAN_TOPIC))
@@ -148,6 +162,12 @@ class Session:
         from capture.log_columns import vesc_state_columns
 
         return vesc_state_columns(self._raw("motor controller telemetry", VESC_STATE_TOPIC))
+
+    def drive(self) -> Drive:
+        """What the car was told to do."""
+        from capture.log_columns import drive_columns
+
+        return drive_columns(self._raw("drive commands", DRIVE_TOPIC))
 
     def observations(self) -> Observations:
         """Ranges and bearings of landmarks that the data set brought along."""
@@ -179,6 +199,20 @@ class Session:
                 f"topic {OVERHEAD_TOPIC}); record them with trackside film"
             )
         return logged_images(self.film, OVERHEAD_TOPIC)
+    def motor_calibration(self) -> VescCalibration | None:
+        """What ties the motor controller's numbers to the car, as it was in force; None if unknown.
+
+        Raises `ConfigurationError` where `session.yaml` holds something else in its place.
+        """
+        rig = self.info.configuration.get("rig")
+        values = rig.get("vesc_calibration") if isinstance(rig, Mapping) else None
+        if not isinstance(values, Mapping):
+            return None
+        from capture.configuration import configuration_from_mapping
+        from drivers.vesc import VescCalibration
+
+        name = f"{self.folder}/{FILE_NAME}"
+        return configuration_from_mapping(VescCalibration, values, name)
 
     @property
     def has_ground_truth(self) -> bool:
@@ -222,6 +256,12 @@ class Session:
     def score_file(self, name: str) -> Path:
         """Where the score of an estimate stands, or would stand."""
         return self.folder / "scores" / f"{checked_name(name)}.json"
+
+    @property
+    def deciding_files(self) -> tuple[Path, ...]:
+        """The files that decide what can be made of the session: its log and its truth."""
+        files = (self.folder / LOG_NAME, *sorted(self._truth_folder.glob("*")))
+        return tuple(file for file in files if file.is_file())
 
     @property
     def calibrations(self) -> tuple[Path, ...]:
@@ -276,6 +316,11 @@ def list_sessions(folder: Path) -> tuple[Path, ...]:
             "trackside import made"
         )
     return tuple(found)
+
+
+def preferred_source(sources: Iterable[str]) -> str | None:
+    """The odometry to take where nobody asked for one."""
+    return min(sources, key=_preference, default=None)
 
 
 def _preference(source: str) -> tuple[int, str]:

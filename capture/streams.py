@@ -6,7 +6,8 @@ counter-clockwise in radians. n is the number of messages.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +20,8 @@ class Odometry:
     """Dead-reckoned motion of the car as one source tells it.
 
     t_ns : (n,); pose_odom_base : (n, 3), x y heading of the car in the frame the source began in;
-    speed_m_s, yaw_rate_rad_s : (n,), forward speed and turn rate.
+    speed_m_s, yaw_rate_rad_s : (n,), forward speed and turn rate; lost_t_ns : stamps of messages in
+    which the source said that it does not know how the car moved (they are no samples).
     """
 
     source: str
@@ -27,6 +29,7 @@ class Odometry:
     pose_odom_base: Floats
     speed_m_s: Floats
     yaw_rate_rad_s: Floats
+    lost_t_ns: Stamps = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +78,18 @@ class VescState:
 
 
 @dataclass(frozen=True, eq=False)
+class Drive:
+    """What the car was told to do.
+
+    t_ns : (n,); steering_rad : (n,) angle of the front wheels, left positive; speed_m_s : (n,).
+    """
+
+    t_ns: Stamps
+    steering_rad: Floats
+    speed_m_s: Floats
+
+
+@dataclass(frozen=True, eq=False)
 class Observations:
     """Range and bearing of landmarks as seen from the car.
 
@@ -92,3 +107,42 @@ class Observations:
         """(k + 1,): observations of scan j are `batch_starts[j]:batch_starts[j + 1]`."""
         first = np.flatnonzero(np.diff(self.t_ns, prepend=self.t_ns[:1] - 1))
         return np.append(first, self.t_ns.size).astype(np.int64)
+
+
+Samples = TypeVar("Samples", Odometry, Imu, VescState, Drive)
+"""Streams with one row in every column for each of their samples."""
+
+
+def joined(one: Samples, other: Samples) -> Samples:
+    """The samples of one and then of the other."""
+    both: dict[str, Any] = {
+        name: np.concatenate([getattr(one, name), column])
+        for name, column in _columns(other).items()
+    }
+    return replace(other, **both)
+
+
+def split(samples: Samples, row: int) -> tuple[Samples, Samples]:
+    """The samples before a row, and those from it on."""
+    size = samples.t_ns.size
+    until_ns = samples.t_ns[row] if row < size else np.iinfo(np.int64).max
+    head: dict[str, Any] = {}
+    tail: dict[str, Any] = {}
+    for name, column in _columns(samples).items():
+        at = int(np.searchsorted(column, until_ns)) if name == "lost_t_ns" else row
+        head[name], tail[name] = column[:at], column[at:]
+    return replace(samples, **head), replace(samples, **tail)
+
+
+def extended(known: Samples, new: Samples | None) -> Samples:
+    """The known samples and the new ones; those that come too late to stand after them are lost."""
+    if new is None:
+        return known
+    if not known.t_ns.size:
+        return joined(known, new)
+    return joined(known, split(new, int(np.searchsorted(new.t_ns, known.t_ns[-1], "right")))[1])
+
+
+def _columns(samples: Samples) -> dict[str, Any]:
+    values = {part.name: getattr(samples, part.name) for part in fields(samples)}
+    return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}

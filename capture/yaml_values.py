@@ -8,6 +8,7 @@ import re
 import types
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal, Union, get_args, get_origin, get_type_hints
 
 import yaml
@@ -143,6 +144,8 @@ def _scalar_of(kind: object, node: yaml.Node, key: str, faults: list[Fault]) -> 
     tag = node.tag.rpartition(":")[2]
     if kind is str and tag == "str":
         return text
+    if kind is Path and tag == "str":
+        return Path(text)
     if kind is bool and tag == "bool":
         return text.lower() in ("true", "yes", "on")
     if kind is int and not quoted and _INTEGER.fullmatch(text):
@@ -151,7 +154,9 @@ def _scalar_of(kind: object, node: yaml.Node, key: str, faults: list[Fault]) -> 
         number = _float(text)
         if not math.isnan(number):
             return number
-    advice = "; put it in quotes" if kind is str and isinstance(node, yaml.ScalarNode) else ""
+    advice = (
+        "; put it in quotes" if kind in (str, Path) and isinstance(node, yaml.ScalarNode) else ""
+    )
     faults.append(_fault(node, key, f"expected {_NAMES[kind]}, found {_found(node)}{advice}"))
     return _INVALID
 
@@ -169,6 +174,7 @@ _NAMES: dict[object, str] = {
     int: "an integer",
     float: "a number",
     str: "text",
+    Path: "a path",
 }
 
 _TAGS = {"bool": "the truth value", "int": "the number", "float": "the number", "str": "the text"}

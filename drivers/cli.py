@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import signal
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from dialogue import UsageError
+from dialogue import UsageError, asked_to_end
 
 if TYPE_CHECKING:
     from drivers.emulation import DeviceModel
@@ -106,7 +104,11 @@ def _paced(pieces: list[bytes], period_s: float, file: Path) -> list[Chunk]:
 def _run(model: DeviceModel, link: Path | None, seconds: float | None) -> None:
     from drivers.emulation import PtyEmulator
 
-    with _ending() as ended, PtyEmulator(model) as emulator, _linked(emulator.path, link) as path:
+    with (
+        asked_to_end() as ended,
+        PtyEmulator(model) as emulator,
+        _linked(emulator.path, link) as path,
+    ):
         click.echo(path)
         ended.wait(seconds)
     click.echo(f"sent {emulator.sent_bytes} bytes, {emulator.dropped_bytes} found no reader")
@@ -126,18 +128,3 @@ def _linked(path: str, link: Path | None) -> Iterator[str]:
         yield str(link)
     finally:
         link.unlink(missing_ok=True)
-
-
-@contextlib.contextmanager
-def _ending() -> Iterator[threading.Event]:
-    """An event that Ctrl-C and SIGTERM set."""
-    asked = threading.Event()
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    before: dict[int, Callable[..., object] | int | None] = {
-        number: signal.signal(number, lambda *_: asked.set()) for number in numbers
-    }
-    try:
-        yield asked
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

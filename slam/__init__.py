@@ -7,10 +7,12 @@ with them; this package's surface is light.
 
 from slam.config import PRESETS, EkfConfig, MotionNoise, ObservationNoise
 from slam.errors import SlamError
-from slam.interface import Slam, UpdateReport
+from slam.interface import Algorithm, Configuration, Slam, UpdateReport
 
 __all__ = [
     "PRESETS",
+    "Algorithm",
+    "Configuration",
     "EkfConfig",
     "MotionNoise",
     "ObservationNoise",

@@ -2,46 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from io import StringIO
+from pathlib import Path
 
 import numpy as np
 
 from capture import Estimate, Observations, Odometry, Session, with_overrides
 from dialogue import Progress, UsageError, nearest_names
-from slam.cones.config import cone_config
-from slam.config import PRESETS
-from slam.ekf import ASSOCIATIONS, EkfSlam
-from slam.fastslam.config import FASTSLAM_PRESETS
-from slam.fastslam.filter import FASTSLAM_ASSOCIATIONS, FastSlam
-from slam.interface import Slam
+from slam.catalogue import ALGORITHMS
+from slam.cones.config import ConeConfig, cone_config
+from slam.interface import Configuration, Slam
 from slam.run import RunReport, run_slam
-from slam.smoothing.config import SmoothingConfig
-from slam.sources import odometry_of
+from slam.smoothing.config import SmoothingConfig, UnnamedConfig
+from slam.sources import IMU_PREFIX, TACHOMETER, SourceConfig, odometry_of
 
-CONES = "cones."
-"""Settings that begin so are those of the cone finder."""
-
-
-@dataclass(frozen=True)
-class Algorithm:
-    """How an algorithm is configured and made.
-
-    presets : by name, frozen dataclasses with at least `motion`, `observation`, `accept_gate`,
-    `spawn_gate` and `path_period_s`; make : from configuration, association and seed.
-    """
-
-    presets: Mapping[str, Any]
-    associations: tuple[str, ...]
-    make: Callable[[Any, str, int], Slam]
-
-
-ALGORITHMS = {
-    "ekf": Algorithm(PRESETS, ASSOCIATIONS, lambda config, words, _: EkfSlam(config, words)),
-    "fastslam": Algorithm(FASTSLAM_PRESETS, FASTSLAM_ASSOCIATIONS, FastSlam),
-}
-"""Add yours here: one class with the members of `slam.interface.Slam`, one line."""
+CONES, ODOMETRY = "cones.", "odometry."
+"""Settings that begin so are those of the cone finder and of the source of odometry."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,10 +45,11 @@ class Request:
         if self.association is not None:
             _one_of("--association", self.association, chosen.associations)
 
-    def config(self) -> Any:
+    def config(self) -> Configuration:
         """The preset with the settings on top; raises `UsageError` for names or values."""
-        own = [text for text in self.settings if not text.startswith(CONES)]
-        config = with_overrides(ALGORITHMS[self.algorithm].presets[self.preset], own)
+        own = [text for text in self.settings if not text.startswith((CONES, ODOMETRY))]
+        preset: Configuration = ALGORITHMS[self.algorithm].presets[self.preset]
+        config = with_overrides(preset, own)
         if 0.0 < config.spawn_gate < config.accept_gate < np.inf:
             raise UsageError(
                 f"spawn_gate {config.spawn_gate} is below accept_gate {config.accept_gate}: an "
@@ -78,94 +57,123 @@ class Request:
             )
         return config
 
+    def cone_config(self) -> ConeConfig:
+        """Of the cone finder; raises `UsageError` for names or values."""
+        return cone_config(self.preset, self._settings_of(CONES))
+
+    def source_config(self) -> SourceConfig:
+        """Of the odometry; raises `UsageError` for names or values."""
+        return with_overrides(SourceConfig(), self._settings_of(ODOMETRY))
+
+    def association_for(self, folder: Path, *, named: bool) -> str:
+        """The rule in force where observations are `named` or not.
+
+        Raises `UsageError` where it asks for names that nobody gave.
+        """
+        known, *others = ALGORITHMS[self.algorithm].associations
+        chosen = self.association or (known if named else [*others, known][0])
+        if chosen == known and not named:
+            raise UsageError(
+                f"{folder}: its observations do not name their landmarks, --association known "
+                f"cannot be; use {' or '.join(others) or 'another algorithm'}"
+            )
+        return chosen
+
+    def made(self, association: str) -> Slam:
+        """A new filter, its kernels compiled, so that rates and times are those of the filter."""
+        make, config = ALGORITHMS[self.algorithm].make, self.config()
+        _compile(make(config, association, self.seed))
+        return make(config, association, self.seed)
+
+    def provenance(self, association: str, source: str, *, cones: bool) -> dict[str, object]:
+        """Every choice that makes the estimate, as it is stored with it."""
+        choices = {key: value for key, value in asdict(self).items() if key != "settings"}
+        made = {"association": association, "odometry": source, "config": asdict(self.config())}
+        if plugin := ALGORITHMS.distribution(self.algorithm):
+            made["distribution"] = plugin
+        if cones:
+            made["cones"] = asdict(self.cone_config())
+        own = self._settings_of(ODOMETRY)
+        if own or source.startswith((IMU_PREFIX, TACHOMETER)):
+            made["source"] = asdict(self.source_config())
+        return {**choices, **made}
+
+    def _settings_of(self, part: str) -> list[str]:
+        return [text.removeprefix(part) for text in self.settings if text.startswith(part)]
+
 
 def estimate_session(
-    session: Session, request: Request, name: str | None = None
+    session: Session, request: Request, name: str | None = None, *, quiet: bool = False
 ) -> tuple[Estimate, RunReport, list[str]]:
     """The estimate that the request makes of a session, what happened, and notes for a person.
 
     Nothing is written. Observations are those of the session or, where it has lidar scans only,
-    the cones found in them. Shows its progress.
+    the cones found in them. Shows its progress unless `quiet`.
     """
     config = request.config()
-    driven, source = odometry_of(session, request.odometry)
-    observations, provenance, notes = _observations(session, driven, request)
-    association = _association(session, observations, request)
-    provenance = {
-        **{key: value for key, value in asdict(request).items() if key != "settings"},
-        "association": association,
-        "odometry": driven.source,
-        "config": asdict(config),
-        **provenance,
-    }
-    make = ALGORITHMS[request.algorithm].make
-    _compile(make(config, association, request.seed))
-    with Progress(request.algorithm, observations.batch_starts.size - 1) as progress:
+    driven, source = odometry_of(session, request.odometry, request.source_config())
+    from_scans = session.has_scans and not session.has_observations
+    observations, notes = _observations(session, driven, request, from_scans=from_scans)
+    named = bool(np.any(observations.landmark_id >= 0))
+    association = request.association_for(session.folder, named=named)
+    slam = request.made(association)
+    scans = observations.batch_starts.size - 1
+    with Progress(request.algorithm, scans, stream=StringIO() if quiet else None) as progress:
         estimate, report = run_slam(
-            make(config, association, request.seed),
+            slam,
             driven,
             observations,
             name=name or request.algorithm,
             path_period_s=config.path_period_s,
-            provenance=provenance,
+            provenance=request.provenance(association, driven.source, cones=from_scans),
             advance=progress.advance,
         )
-    if source.gyro_bias_rad_s is not None or source.source_gaps:
+    if source.remarkable:
         notes.append(str(source))
     if request.smooth:
-        estimate = _smoothed(estimate, driven, observations, config)
+        known = ALGORITHMS[request.algorithm].associations[0]
+        named = association == known
+        estimate = _smoothed(estimate, driven, observations, config, named)
     return estimate, report, notes
 
 
-def _association(session: Session, observations: Observations, request: Request) -> str:
-    """The rule in force; raises `UsageError` where it asks for names that nobody gave."""
-    named = bool(np.any(observations.landmark_id >= 0))
-    known, *others = ALGORITHMS[request.algorithm].associations
-    chosen = request.association or (known if named else others[0])
-    if chosen == known and not named:
-        raise UsageError(
-            f"{session.folder}: its observations do not name their landmarks, --association known "
-            f"cannot be; use {' or '.join(others)}"
-        )
-    if request.smooth and chosen != known:
-        raise UsageError("--smooth needs --association known: it must know which sighting is whose")
-    return chosen
-
-
 def _observations(
-    session: Session, driven: Odometry, request: Request
-) -> tuple[Observations, dict[str, object], list[str]]:
-    """Observations, how they were made, and what to tell of it."""
-    if session.has_observations or not session.has_scans:
-        return session.observations(), {}, []
+    session: Session, driven: Odometry, request: Request, *, from_scans: bool
+) -> tuple[Observations, list[str]]:
+    """Observations, and what to tell of how they were made."""
+    if not from_scans:
+        return session.observations(), []
     from slam.cones.detection import observations_from_scans
 
-    own = [text.removeprefix(CONES) for text in request.settings if text.startswith(CONES)]
-    cones = cone_config(request.preset, own)
-    observations, report = observations_from_scans(session.scans(), driven, cones)
-    return observations, {"cones": asdict(cones)}, report.text().splitlines()
+    observations, report = observations_from_scans(session.scans(), driven, request.cone_config())
+    return observations, report.text().splitlines()
 
 
 def _smoothed(
-    estimate: Estimate, driven: Odometry, observations: Observations, config: Any
+    estimate: Estimate,
+    driven: Odometry,
+    observations: Observations,
+    config: Configuration,
+    named: bool,
 ) -> Estimate:
+    """The final pass, which finds out whose sightings are whose where nobody named them."""
     from slam.smoothing.smoother import smooth
+    from slam.smoothing.unnamed import smooth_unnamed
 
+    noise = replace(SmoothingConfig(), motion=config.motion, observation=config.observation)
+    if not named:
+        unnamed = replace(UnnamedConfig(), smoothing=noise)
+        return smooth_unnamed(estimate, driven, observations, unnamed)
     assert estimate.map is not None
     ids = observations.landmark_id
     mapped = np.isin(ids, estimate.map.landmarks.ids)
-    return smooth(
-        estimate,
-        driven,
-        observations,
-        np.where(mapped, ids, -1),
-        replace(SmoothingConfig(), motion=config.motion, observation=config.observation),
-    )
+    return smooth(estimate, driven, observations, np.where(mapped, ids, -1), noise)
 
 
-def _one_of(flag: str, word: str, valid: Sequence[str] | Mapping[str, object]) -> None:
-    if word not in valid:
-        raise UsageError(f"{flag} {word}: {nearest_names(word, valid)}")
+def _one_of(flag: str, word: str, valid: Iterable[str]) -> None:
+    names = list(valid)
+    if word not in names:
+        raise UsageError(f"{flag} {word}: {nearest_names(word, names)}")
 
 
 def _compile(slam: Slam) -> None:

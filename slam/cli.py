@@ -4,35 +4,43 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from dialogue import UsageError
+from slam.catalogue import ALGORITHMS
 
 if TYPE_CHECKING:
     from capture import Estimate
+    from slam.algorithms import Request
     from slam.run import RunReport
+
+
+class _AlgorithmOption(click.Option):
+    """An option whose help names the algorithms there are, once it is asked for."""
+
+    def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
+        self.help = f"{', '.join(ALGORITHMS)}.  [default: ekf]"
+        return super().get_help_record(ctx)
 
 
 @click.command("slam")
 @click.argument("session", type=click.Path(path_type=Path), required=False)
-@click.option(
-    "--algorithm", default="ekf", show_default=True, metavar="NAME", help="ekf or fastslam."
-)
+@click.option("--algorithm", cls=_AlgorithmOption, metavar="NAME")
 @click.option(
     "--association",
     metavar="RULE",
-    help="Whose a sighting is. known: the sensor names its landmarks; for ekf nearest or jcbb "
-    "(joint compatibility), for fastslam likelihood.  [default: known where they have ids, else "
+    help="Whose a sighting is. known: the sensor names its landmarks; nearest, for ekf also jcbb "
+    "(joint compatibility); for fastslam likelihood.  [default: known where they have ids, else "
     "nearest or likelihood]",
 )
 @click.option(
     "--preset",
     default="robust",
     show_default=True,
-    metavar="NAME",
-    help="Parameters to start from: thesis or robust.",
+    metavar="NAME|FILE.yaml",
+    help="Parameters to start from: thesis, robust, or a file that trackside slam tune wrote.",
 )
 @click.option(
     "--set",
@@ -40,17 +48,30 @@ if TYPE_CHECKING:
     multiple=True,
     metavar="KEY=VALUE",
     help="Change one parameter, e.g. observation.range_sigma_m=0.1, or of the cone finder, "
-    "cones.max_range_m=2.5; may be repeated.",
+    "cones.max_range_m=2.5, or of the odometry, odometry.wheelbase_m=0.33; may be repeated.",
 )
 @click.option(
     "--odometry",
     metavar="SOURCE",
-    help="vesc, wheel, zed, viso, ...; imu+SOURCE takes its turning from the gyro.",
+    help="vesc, wheel, zed, viso, ..., or tachometer (counted distance, commanded steering); "
+    "imu+SOURCE takes its turning from the gyro.",
 )
-@click.option("--seed", default=0, show_default=True, help="Of the random numbers of fastslam.")
+@click.option(
+    "--seed", default=0, show_default=True, help="Of the random numbers of fastslam, fastslam2."
+)
 @click.option("--smooth", is_flag=True, help="Refine path and map with all data at once.")
 @click.option("--name", help="Name of the estimate.  [default: the algorithm's]")
 @click.option("--replace", is_flag=True, help="Replace an estimate of that name.")
+@click.option("--follow", is_flag=True, help="SESSION is being recorded: keep up with it.")
+@click.option(
+    "--patience",
+    "patience_s",
+    type=click.FloatRange(min=0.0),
+    default=10.0,
+    show_default=True,
+    metavar="S",
+    help="For --follow: end when nothing came for so long.",
+)
 @click.option(
     "--explain-range", is_flag=True, help="Print at which distances cones are found, and end."
 )
@@ -64,43 +85,71 @@ if TYPE_CHECKING:
 )
 def slam(
     session: Path | None,
-    algorithm: str,
-    association: str | None,
     preset: str,
     settings: tuple[str, ...],
-    odometry: str | None,
-    seed: int,
-    smooth: bool,
     name: str | None,
     replace: bool,
+    follow: bool,
+    patience_s: float,
     explain_range: bool,
     spacing_deg: float,
+    **choices: Any,
 ) -> None:
-    """Estimate path and landmark map of SESSION and keep them in its estimates/NAME."""
+    """Estimate path and landmark map of SESSION and keep them in its estimates/NAME.
+
+    trackside slam tune searches the parameters that score best.
+    """
     if explain_range:
         click.echo(_range_table(preset, settings, spacing_deg))
         return
     if session is None:
         raise UsageError("expected a SESSION: trackside slam SESSION")
     from capture import Session
-    from slam.algorithms import Request, estimate_session
+    from slam.algorithms import estimate_session
+    from slam.session_defaults import for_session
 
-    recording, name = Session.open(session), name or algorithm
+    recording = Session.open(session)
+    request = for_session(_request(preset, settings, choices), recording)
+    name = name or request.algorithm
     if name in recording.estimates and not replace:
         raise UsageError(f"{session} has an estimate {name!r} already; give --name or --replace")
-    request = Request(
-        algorithm=algorithm,
-        association=association,
-        preset=preset,
-        settings=settings,
-        odometry=odometry,
-        seed=seed,
-        smooth=smooth,
-    )
-    estimate, report, notes = estimate_session(recording, request, name)
+    if follow:
+        from slam.follow import follow_session
+        from slam.follow_display import Display
+
+        with Display(click.echo) as display:
+            done = follow_session(
+                recording, request, name, patience_s=patience_s, show=display.show
+            )
+        click.echo(f"{done.why}; following ends")
+        estimate, report, notes = done.estimate, done.report, done.notes
+    else:
+        estimate, report, notes = estimate_session(recording, request, name)
     recording.write_estimate(estimate, replace=replace)
     click.echo("\n".join([*_summary(estimate, report), *notes]))
     click.echo(f"wrote {session / 'estimates' / name}\nnext: trackside score {session}")
+
+
+def _request(preset: str, settings: tuple[str, ...], choices: dict[str, Any]) -> Request:
+    """What shall be run; the words of the command go before those of a preset's file."""
+    from slam.algorithms import Request
+    from slam.preset_file import is_preset_file, read_preset_file
+
+    given = {key: value for key, value in choices.items() if value is not None}
+    if not is_preset_file(preset):
+        return Request(preset=preset, settings=settings, **given)
+    file = read_preset_file(Path(preset))
+    if given.get("algorithm", file.algorithm) != file.algorithm:
+        raise UsageError(
+            f"--algorithm {given['algorithm']}: {preset} is a preset of {file.algorithm}; leave "
+            "one of them out"
+        )
+    found = {"odometry": file.odometry, "association": file.association}
+    return Request(
+        **{**found, "algorithm": file.algorithm, **given},
+        preset=file.preset,
+        settings=(*file.words, *settings),
+    )
 
 
 def _range_table(preset: str, settings: tuple[str, ...], spacing_deg: float) -> str:

@@ -50,36 +50,46 @@ class ObservationNoise:
 class LandmarkRules:
     """When a landmark without a name is believed, and when it is given up.
 
-    As they stand here nothing is ever given up. Where the sensor names its landmarks only the
-    limit of the map applies: a name is no clutter.
+    As they stand here all are believed and none is given up. Where the sensor names its landmarks
+    only the limit of the map applies: a name is no clutter.
 
-    A landmark that should have been seen and was not loses `log((1 - P) / (1 - false_match))`, one
-    that was seen gains `log(P / false_match)`; P is `detection_probability` between the certain
-    ranges, falls linearly to 0 at the possible ones, and is 0 outside the field of view and behind
-    what was seen in front. Where the pose leaves doubt, the most lenient P counts.
+    Each landmark carries the log-odds that it exists, a sequential probability ratio test (Wald,
+    1945; the track score of Sittler, 1964): a sighting adds `log(P g / clutter_density)`, g being
+    its likelihood, so that a near hit of a precise sensor says much and a chance one little; an
+    absence adds `log(1 - P)`. P is `detection_probability` between the certain ranges, falls
+    linearly to 0 at the possible ones, and is 0 outside the field of view and behind what was seen
+    in front. A landmark that is believed has the benefit of the doubt: for it absence counts at
+    certain ranges only, whatever its pose may be.
     """
 
-    confirm_hits: int = field(default=1, metadata={"min": 1})
-    """A landmark is confirmed once it was seen this often ..."""
-    confirm_window: int = field(default=1, metadata={"min": 1, "max": 60})
-    """... in this many scans that could have seen it ..."""
-    confirm_count: int = field(default=1, metadata={"min": 1})
-    """... or this often in all."""
+    start_log_odds: float = 0.0
+    """Of a landmark that was seen once."""
+    confirm_log_odds: float = -UNLIMITED
+    """A landmark is believed, and reported, from here on."""
+    remove_below_log_odds: float = field(default=-2.0, metadata={"max": 0.0})
+    max_log_odds: float = field(default=6.0, metadata={"min": 0.0})
+    """Bounds how many misses an old landmark outlives."""
+    clutter_density_per_m_rad: float = field(default=0.0, metadata={"min": 0.0})
+    """False sightings of one scan per metre of range and radian of bearing. 0: a sighting counts
+    as `log(P / false_match_probability)` wherever it is, an absence as much less."""
     detection_probability: float = field(default=0.0, metadata={"min": 0.0, "max": 0.999})
     """0: absence is never evidence."""
     false_match_probability: float = field(default=0.05, metadata={"min": 1e-6, "max": 0.999})
-    """How often clutter is taken for a landmark that is not there."""
+    """How often clutter is taken for a landmark that is not there; also the least that P is taken
+    to be where something was seen all the same."""
     near_possible_m: float = field(default=0.0, metadata={"min": 0.0})
     near_certain_m: float = field(default=0.0, metadata={"min": 0.0})
     far_certain_m: float = field(default=UNLIMITED, metadata={"min": 0.0})
     far_possible_m: float = field(default=UNLIMITED, metadata={"min": 0.0})
     field_of_view_rad: float = field(default=math.tau, metadata={"min": 0.0, "max": math.tau})
     """Whole angle, centred on the car's heading."""
+    learns_field_of_view: bool = False
+    """Whether the field of view is also learnt: where nothing is ever seen absence says nothing."""
     occluder_radius_m: float = field(default=0.0, metadata={"min": 0.0})
     """What stands before a landmark, within this of the line of sight, may hide it; 0 never."""
-    remove_below_log_odds: float = field(default=-2.0, metadata={"max": 0.0})
-    max_log_odds: float = field(default=6.0, metadata={"min": 0.0})
-    """Bounds how many misses an old landmark outlives."""
+    spacing_m: float = field(default=0.0, metadata={"min": 0.0})
+    """No two landmarks stand nearer to each other: of two that do, and of which a scan shows but
+    one, the one seen less often is given up."""
     max_landmarks: int = field(default=1000, metadata={"min": 1})
     """A full map takes no new landmark; how many it refused is counted."""
     same_place_m: float = field(default=0.3, metadata={"min": 0.0})
@@ -122,6 +132,37 @@ class EkfConfig:
 
 _SQRT_15_HZ = math.sqrt(15.0)
 
+ROBUST_MOTION = MotionNoise(
+    xy_sigma_m_per_sqrt_s=0.01,
+    heading_sigma_rad_per_sqrt_s=0.03,
+    alpha1=0.1,
+    alpha2_rad2_per_m2=0.005,
+    alpha3=0.02,
+    alpha4_m2_per_rad2=0.0005,
+)
+"""For cars and robots whose odometry nobody measured: its error grows with what was driven."""
+ROBUST_OBSERVATION = ObservationNoise(
+    range_sigma_m=0.04, bearing_sigma_rad=math.radians(1.0), range_sigma_per_m=0.05
+)
+# Four to ten hits of a one-degree lidar on a cone of 0.1 m are certain from 0.57 to 1.43 m and
+# possible from 0.52 to 1.91 m (thesis appendix A with the exact geometry). 0.05 per metre and
+# radian is about one false cone in two scans over 2 m and the full circle. Log-odds of 10 take two
+# or three good sightings more than the first. Nearer than 0.15 m two cones look like one.
+ROBUST_LANDMARKS = LandmarkRules(
+    confirm_log_odds=10.0,
+    remove_below_log_odds=-4.0,
+    max_log_odds=16.0,
+    clutter_density_per_m_rad=0.05,
+    detection_probability=0.9,
+    near_possible_m=0.522,
+    near_certain_m=0.574,
+    far_certain_m=1.433,
+    far_possible_m=1.910,
+    learns_field_of_view=True,
+    occluder_radius_m=0.1,
+    spacing_m=0.15,
+)
+
 PRESETS = {
     # Thesis section 3.2.4, Eq. 3.11, read as standard deviations in m and degrees per 15 Hz update
     # (the reading whose consistency holds), one threshold 5.991 for old and new.
@@ -138,36 +179,14 @@ PRESETS = {
     # One set for cars and robots whose noise nobody measured: error grows with what was driven and
     # with the range, outliers are bounded, and a grey zone keeps good sightings from spawning.
     "robust": EkfConfig(
-        motion=MotionNoise(
-            xy_sigma_m_per_sqrt_s=0.01,
-            heading_sigma_rad_per_sqrt_s=0.03,
-            alpha1=0.01,
-            alpha2_rad2_per_m2=0.005,
-            alpha3=0.02,
-            alpha4_m2_per_rad2=0.0001,
-        ),
-        observation=ObservationNoise(
-            range_sigma_m=0.04, bearing_sigma_rad=math.radians(1.0), range_sigma_per_m=0.05
-        ),
+        motion=ROBUST_MOTION,
+        observation=ROBUST_OBSERVATION,
         accept_gate=9.21,
         spawn_gate=25.0,
         innovation_gate=100.0,
         tail_gate=5.991,
         relocate_after=5,
         min_seen=3,
-        # Four to ten hits of a one-degree lidar on a cone of 0.1 m are certain from 0.57 to 1.43 m
-        # (thesis appendix A with the exact geometry). Further off they are possible, but there a
-        # miss says little, and nothing of a sensor that reaches less far.
-        landmarks=LandmarkRules(
-            confirm_hits=4,
-            confirm_window=6,
-            confirm_count=10,
-            detection_probability=0.9,
-            near_possible_m=0.574,
-            near_certain_m=0.574,
-            far_certain_m=1.433,
-            far_possible_m=1.433,
-            occluder_radius_m=0.1,
-        ),
+        landmarks=ROBUST_LANDMARKS,
     ),
 }

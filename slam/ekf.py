@@ -12,10 +12,12 @@ from geometry import Floats, LandmarkMap
 from slam import ekf_kernels as kernels
 from slam import landmarks, motion, observation
 from slam.association import expectations, nearest_compatible, squared_distances
-from slam.config import EkfConfig
+from slam.config import PRESETS, EkfConfig
 from slam.errors import SlamError
-from slam.interface import UpdateReport
+from slam.eyesight import new_eye
+from slam.interface import Algorithm, UpdateReport
 from slam.jcbb import joint_compatible, joint_gates
+from slam.landmarks import Slots
 
 ASSOCIATIONS = ("known", "nearest", "jcbb")
 
@@ -25,7 +27,7 @@ class EkfSlam:
 
     `predict` then `update`, as often as data come. With `association="known"` the ids of the
     observations name the landmarks; with "nearest" and "jcbb" they are ignored, landmarks are
-    numbered in the order of their appearance, confirmed and given up by `config.landmarks`.
+    numbered in the order of their appearance, believed and given up by `config.landmarks`.
     Memory grows by doubling.
     """
 
@@ -38,7 +40,7 @@ class EkfSlam:
         self._departed = landmarks.Departed(config.landmarks.same_place_m)
         self._motion_noise = motion.noise_array(config.motion)
         self._noise = observation.noise_array(config.observation)
-        self._rules = landmarks.rules_array(config.landmarks)
+        self._rules, self._eye = landmarks.rules_array(config.landmarks), new_eye()
         self._limits = np.array(
             [
                 config.innovation_gate,
@@ -83,14 +85,19 @@ class EkfSlam:
         if self._records.size < min(self._n + ids.size, self.config.landmarks.max_landmarks):
             self._grow(self._n + ids.size)
         if self.association == "known":
-            counts = kernels.absorb_named(
-                self._x, self._P, self._records, self._n, ids, ranges, bearings, t_ns,
-                self._noise, self._limits,
-            )  # fmt: skip
-            report = self._report(counts, ids.size)
+            report = self._update_named(t_ns, ids, ranges, bearings)
         else:
             report = self._update_unnamed(t_ns, ids, ranges, bearings)
         return report + UpdateReport(over_limit=over) if over else report
+
+    def _update_named(
+        self, t_ns: int, ids: npt.NDArray[np.int64], range_m: Floats, bearing_rad: Floats
+    ) -> UpdateReport:
+        counts = kernels.absorb_named(
+            self._x, self._P, self._records, self._n, ids, range_m, bearing_rad, t_ns,
+            self._noise, self._limits,
+        )  # fmt: skip
+        return self._report(counts, ids.size)
 
     def _update_unnamed(
         self, t_ns: int, ids: npt.NDArray[np.int64], range_m: Floats, bearing_rad: Floats
@@ -113,15 +120,22 @@ class EkfSlam:
         )  # fmt: skip
         report = self._report(counts, ids.size)
         self._next_id += report.added
+        removed = self._give_up(slots, due, distances, range_m, bearing_rad)
+        if removed or cut_short:
+            return dataclasses.replace(report, removed=removed, cut_short=int(cut_short))
+        return report
+
+    def _give_up(
+        self, slots: Slots, due: Floats, distances: Floats, range_m: Floats, bearing_rad: Floats
+    ) -> int:
+        """Weigh the evidence of a scan; how many landmarks it cost."""
         gone = landmarks.weigh(
-            self._records, self._n, slots, due, distances, range_m, bearing_rad,
-            config.spawn_gate, self._rules,
+            self._x, self._records, self._n, slots, due, distances, range_m, bearing_rad,
+            self._noise, self.config.spawn_gate, self._rules, self._eye,
         )  # fmt: skip
         for slot in gone[::-1].tolist():
             self._remove(slot)
-        if gone.size or cut_short:
-            return dataclasses.replace(report, removed=gone.size, cut_short=int(cut_short))
-        return report
+        return int(gone.size)
 
     def _report(self, counts: tuple[int, int, int, int, int], m: int) -> UpdateReport:
         matched, added, rejected, invalid, over_limit = counts
@@ -154,13 +168,13 @@ class EkfSlam:
     def estimated_map(self) -> EstimatedMap:
         """The landmarks now, each with its covariance and how it entered.
 
-        Those seen less than `min_seen` times, or without a name and not confirmed yet, stay in the
-        state but are not reported.
+        Those seen less than `min_seen` times, or without a name and not believed, stay in the state
+        but are not reported.
         """
         records = self._records[: self._n]
         believed = records["n_seen"] >= self.config.min_seen
         if self.association != "known":
-            believed &= records["confirmed"] == 1
+            believed &= records["log_odds"] >= self.config.landmarks.confirm_log_odds
         slots = np.flatnonzero(believed)
         records = records[slots]
         x, y = 3 + 2 * slots, 4 + 2 * slots
@@ -176,3 +190,6 @@ class EkfSlam:
             n_seen=records["n_seen"],
             t_first_ns=self._departed.first_times(positions, records["t_added_ns"]),
         )
+
+
+EKF = Algorithm(PRESETS, ASSOCIATIONS, lambda config, words, _: EkfSlam(config, words))

@@ -278,6 +278,15 @@ def absorb_named(
     bearing_rad: Floats, t_ns: int, noise: Floats, limits: Floats,
 ) -> tuple[int, int, int, int, int]:  # fmt: skip
     """`absorb` where the sensor names its landmarks. No id, or one seen twice: ignored."""
+    slots = named_slots(records, n, landmark_id)
+    return absorb(
+        x, P, records, n, slots, landmark_id, range_m, bearing_rad, t_ns, noise, limits, 0
+    )
+
+
+@kernel
+def named_slots(records: Records, n: int, landmark_id: Slots) -> Slots:
+    """(m,): the landmark of each id, or `NEW`, or `IGNORED` (no id, or one seen twice)."""
     slots = np.full(landmark_id.size, NEW, dtype=np.int64)
     for i in range(slots.size):
         name = landmark_id[i]
@@ -291,9 +300,7 @@ def absorb_named(
                 if records[slot].landmark_id == name:
                     slots[i] = slot
                     break
-    return absorb(
-        x, P, records, n, slots, landmark_id, range_m, bearing_rad, t_ns, noise, limits, 0
-    )
+    return slots
 
 
 @kernel
@@ -326,7 +333,7 @@ def enter(
     """Begin the landmark of a slot with the one observation that sees it now."""
     record = records[slot]
     record.landmark_id, record.t_added_ns, record.n_seen = name, t_ns, 1
-    record.rejected_in_a_row, record.sightings, record.confirmed = 0, 0, 0
+    record.rejected_in_a_row = 0
     record.x_added_m, record.y_added_m = x[0], x[1]
     record.range_added_m, record.log_odds = range_m, 0.0
     place_landmark(x, P, dimension, slot, range_m, bearing_rad, noise)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from collections.abc import Callable, Mapping
+from dataclasses import Field, dataclass
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from capture import EstimatedMap
 from geometry import Floats
+from slam.config import MotionNoise, ObservationNoise
 
 
 @dataclass(frozen=True)
@@ -66,3 +68,46 @@ class Slam(Protocol):
 
     def estimated_map(self) -> EstimatedMap:
         """The landmarks as they stand now."""
+
+
+class Configuration(Protocol):
+    """What the configurations of all algorithms have: frozen dataclasses with at least these."""
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]  # as typeshed has it for any dataclass
+
+    @property
+    def motion(self) -> MotionNoise:
+        """How wrong an odometry increment can be."""
+
+    @property
+    def observation(self) -> ObservationNoise:
+        """How wrong a sighting can be."""
+
+    @property
+    def accept_gate(self) -> float:
+        """Squared Mahalanobis distance up to which a sighting may be of a landmark."""
+
+    @property
+    def spawn_gate(self) -> float:
+        """Squared Mahalanobis distance beyond which a sighting is of a new landmark."""
+
+    @property
+    def path_period_s(self) -> float:
+        """How often the path holds a pose between scans; 0 keeps every odometry sample."""
+
+
+_Config = TypeVar("_Config", bound=Configuration)
+
+
+@dataclass(frozen=True)
+class Algorithm(Generic[_Config]):
+    """How an algorithm is configured and made.
+
+    presets : configurations by name; associations : the rules it knows, "known" first, then the one
+    to take where the sensor does not name its landmarks; make : from configuration, association
+    and seed.
+    """
+
+    presets: Mapping[str, _Config]
+    associations: tuple[str, ...]
+    make: Callable[[_Config, str, int], Slam]

@@ -4,6 +4,11 @@ Thesis Eq. 3.8-3.9 (Thrun, Burgard, Fox 2005, table 5.6) with unprimed = previou
 the thesis' text has them swapped, which would drive the car backwards. rot1, trans, rot2 of the
 odometry, applied to the pose, are the SE(2) product `pose (+) increment`: that is what is computed,
 so a reversing or a standing car needs no special case. rot1 and rot2 serve only the noise.
+
+Within less than its own length a car cannot turn, drive and turn back: what atan2 says of such a
+step is the odometry's jitter, and millimetres of it sideways would look like half a turn. A short
+step therefore counts as an arc, which leaves the old heading by half the turn and meets the new one
+by the other half; a long one counts as rot1, trans, rot2; `MANOEUVRE_M` is where both count alike.
 """
 
 from __future__ import annotations
@@ -20,6 +25,8 @@ STANDSTILL_M = 1e-9
 STANDSTILL_RAD = 1e-9
 MIN_TRANSLATION_M = 1e-4
 """Below this the direction of a translation is noise: rot1 is then taken as 0."""
+MANOEUVRE_M = 0.3
+"""About the length of the car."""
 
 
 def noise_array(noise: MotionNoise) -> Floats:
@@ -53,6 +60,20 @@ def folded(angle: float) -> float:
 
 
 @kernel
+def squared_turns(dx: float, dy: float, dheading: float) -> tuple[float, float, float]:
+    """rot1 and rot2 squared, as the noise takes them, and how far the step is a manoeuvre, 0..1."""
+    rot1, trans, rot2 = rotations_and_translation(dx, dy, dheading)
+    # The fourth power: jitter counts times the step, so that it stays nothing in short ones.
+    manoeuvre = trans**4 / (trans**4 + MANOEUVRE_M**4)
+    arc = (1.0 - manoeuvre) * (0.5 * dheading) ** 2
+    return (
+        arc + manoeuvre * folded(rot1) ** 2,
+        arc + manoeuvre * folded(rot2) ** 2,
+        manoeuvre,
+    )
+
+
+@kernel
 def increment_covariance(
     heading: float, dx: float, dy: float, dheading: float, dt_s: float, noise: Floats
 ) -> tuple[float, float, float, float, float, float]:
@@ -64,23 +85,28 @@ def increment_covariance(
     if standing and noise[6] == 0.0:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     xy, hh = noise[0] * dt_s, noise[1] * dt_s
-    rot1, trans, rot2 = rotations_and_translation(dx, dy, dheading)
+    square = dx * dx + dy * dy
+    turn1, turn2, manoeuvre = squared_turns(dx, dy, dheading)
     # Table 5.6 at one second of this motion, times the time taken: linear in dt, so that cutting
     # an increment in two adds up to the same.
     scale = 1.0 / max(dt_s, 1e-6)
-    turn1, turn2 = folded(rot1) ** 2, folded(rot2) ** 2
-    var_rot1 = (noise[2] * turn1 + noise[3] * trans**2) * scale
-    var_trans = (noise[4] * trans**2 + noise[5] * (turn1 + turn2)) * scale
-    var_rot2 = (noise[2] * turn2 + noise[3] * trans**2) * scale
-    cos, sin = math.cos(heading + rot1), math.sin(heading + rot1)
-    # V diag(var) V^T with V = d(x, y, heading)/d(rot1, trans, rot2).
-    side = trans * trans * var_rot1
+    var_rot1 = (noise[2] * turn1 + noise[3] * square) * scale
+    var_rot2 = (noise[2] * turn2 + noise[3] * square) * scale
+    # V diag(var) V^T with V = d(x, y, heading)/d(rot1, trans, rot2), the translation as a vector:
+    # where it is short it has no direction, and needs none. What turning adds to the way driven
+    # lies along it, or along the chord of the arc.
+    cos, sin = math.cos(heading), math.sin(heading)
+    east, north = cos * dx - sin * dy, sin * dx + cos * dy
+    slip = noise[5] * (turn1 + turn2) * scale
+    stretch = noise[4] * scale + slip * square / (square * square + MANOEUVRE_M**4)
+    chord = slip * (1.0 - manoeuvre)
+    cos, sin = math.cos(heading + 0.5 * dheading), math.sin(heading + 0.5 * dheading)
     return (
-        xy + sin * sin * side + cos * cos * var_trans,
-        sin * cos * (var_trans - side),
-        xy + cos * cos * side + sin * sin * var_trans,
-        -trans * sin * var_rot1,
-        trans * cos * var_rot1,
+        xy + north * north * var_rot1 + east * east * stretch + cos * cos * chord,
+        east * north * (stretch - var_rot1) + sin * cos * chord,
+        xy + east * east * var_rot1 + north * north * stretch + sin * sin * chord,
+        -north * var_rot1,
+        east * var_rot1,
         hh + var_rot1 + var_rot2,
     )
 

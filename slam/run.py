@@ -10,9 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from capture import Estimate, Observations, Odometry
-from geometry import Floats, Stamps, Trajectory, between
+from geometry import Stamps, Trajectory
 from slam.errors import SlamError
 from slam.interface import Slam, UpdateReport
+from slam.stepping import Stepper, Steps, steps_between
 
 
 @dataclass(frozen=True)
@@ -28,15 +29,14 @@ class RunReport:
 
 @dataclass(frozen=True, eq=False)
 class _Schedule:
-    """Odometry and scans merged: at which step of the merged time each scan comes.
+    """Odometry and scans merged: after which step of the merged time each scan comes.
 
-    t_ns : (k + 1,) times; increments : (k, 3) from each to the next; scan_step : (s,) index into
-    t_ns; starts : (s + 1,) observations of each scan.
+    steps : k from `start_ns` on; scan_step : (s,) steps done before each scan; starts : (s + 1,)
+    observations of each scan.
     """
 
-    t_ns: Stamps
-    increments: Floats
-    dt_s: Floats
+    start_ns: int
+    steps: Steps
     scan_step: npt.NDArray[np.intp]
     starts: npt.NDArray[np.int64]
     outside: int
@@ -61,44 +61,23 @@ def run_slam(
     """
     started_s = time.process_time()
     schedule = _schedule(odometry, observations)
-    poses, covariances = np.zeros((schedule.t_ns.size, 3)), np.zeros((schedule.t_ns.size, 3, 3))
-    total, here = UpdateReport(), 0
+    stepper, here = Stepper(slam, schedule.start_ns, path_period_s), 0
     for scan, step in enumerate(schedule.scan_step.tolist()):
-        _predict(slam, schedule, here, step, poses, covariances)
+        stepper.move(schedule.steps[here:step])
         one = slice(schedule.starts[scan], schedule.starts[scan + 1])
-        total += slam.update(
-            int(schedule.t_ns[step]),
-            observations.landmark_id[one],
-            observations.range_m[one],
-            observations.bearing_rad[one],
+        stepper.see(
+            observations.landmark_id[one], observations.range_m[one], observations.bearing_rad[one]
         )
-        poses[step], covariances[step] = slam.pose, slam.pose_covariance
         here = step
         advance(1)
-    _predict(slam, schedule, here, schedule.t_ns.size - 1, poses, covariances)
-    kept = _kept(schedule, path_period_s)
-    estimate = Estimate(
-        name,
-        Trajectory.from_poses(schedule.t_ns[kept], poses[kept]),
-        slam.estimated_map(),
-        covariances[kept],
-        provenance or {},
+    stepper.move(schedule.steps[here:])
+    return stepper.estimate(name, provenance or {}), RunReport(
+        stepper.updates,
+        stepper.scans,
+        schedule.outside,
+        time.process_time() - started_s,
+        (stepper.t_ns - schedule.start_ns) * 1e-9,
     )
-    duration_s = float(schedule.t_ns[-1] - schedule.t_ns[0]) * 1e-9
-    cpu_s = time.process_time() - started_s
-    scans = schedule.scan_step.size
-    return estimate, RunReport(total, scans, schedule.outside, cpu_s, duration_s)
-
-
-def _predict(
-    slam: Slam, schedule: _Schedule, start: int, end: int, poses: Floats, covariances: Floats
-) -> None:
-    if end > start:
-        steps = slice(start, end)
-        moved = slice(start + 1, end + 1)
-        poses[moved], covariances[moved] = slam.predict(
-            schedule.increments[steps], schedule.dt_s[steps]
-        )
 
 
 def _schedule(odometry: Odometry, observations: Observations) -> _Schedule:
@@ -107,23 +86,22 @@ def _schedule(odometry: Odometry, observations: Observations) -> _Schedule:
     scan_ns = observations.t_ns[starts[:-1]]
     inside = (scan_ns >= driven.t_ns[0]) & (scan_ns <= driven.t_ns[-1])
     if not np.any(inside):
-        raise SlamError(_no_overlap(driven.t_ns, scan_ns))
+        raise SlamError(no_overlap(driven.t_ns, scan_ns))
     # Scans outside are a head and a tail, so that the rest stays one run of `starts`.
     first = int(np.argmax(inside))
     last = int(inside.size - np.argmax(inside[::-1]))
     t_ns = np.union1d(driven.t_ns, scan_ns[inside])
-    poses = driven.interpolated(t_ns).poses
     return _Schedule(
-        t_ns,
-        between(poses[:-1], poses[1:]),
-        np.diff(t_ns) * 1e-9,
+        int(t_ns[0]),
+        steps_between(driven, t_ns),
         np.searchsorted(t_ns, scan_ns[first:last]),
         starts[first : last + 1],
         int(inside.size - inside.sum()),
     )
 
 
-def _no_overlap(odometry_ns: Stamps, scan_ns: Stamps) -> str:
+def no_overlap(odometry_ns: Stamps, scan_ns: Stamps) -> str:
+    """What to tell when no scan lies within the time of the odometry."""
     if scan_ns.size == 0:
         return "the session has no observations; nothing can be mapped"
     return (
@@ -131,15 +109,3 @@ def _no_overlap(odometry_ns: Stamps, scan_ns: Stamps) -> str:
         f"observations {scan_ns[0] * 1e-9:.3f} to {scan_ns[-1] * 1e-9:.3f} s: they do not overlap; "
         "was one of them stamped by another clock?"
     )
-
-
-def _kept(schedule: _Schedule, period_s: float) -> npt.NDArray[np.bool_]:
-    """(k + 1,): scans, both ends, and the first sample in each further period of the time axis."""
-    keep = np.zeros(schedule.t_ns.size, dtype=np.bool_)
-    if period_s <= 0.0:
-        keep[:] = True
-        return keep
-    slot = (schedule.t_ns - schedule.t_ns[0]) // round(period_s * 1e9)
-    keep[1:] = np.diff(slot) > 0
-    keep[schedule.scan_step] = keep[0] = keep[-1] = True
-    return keep

@@ -2,18 +2,21 @@
 
 Wheels tell well how far a car went and badly how far it turned (tyres slip, steering has play);
 a gyro tells turning well once its bias is known. `imu+SOURCE` takes each from where it is good.
+(`slam.live_sources` does the same with streams that are still growing, with the functions of here.)
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from capture import Imu, Odometry, Session, VescState
+from capture import Drive, Imu, Odometry, Session, VescState
 from dialogue import UsageError
 from geometry import Floats, Stamps, Trajectory, between, wrap
+from slam.bridging import Bridge
 from slam.errors import SlamError
 
 Mask = npt.NDArray[np.bool_]
@@ -38,6 +41,10 @@ class SourceConfig:
     """In longer gaps of the gyro the source's own turning is taken."""
     metres_per_count: float = 0.0
     """Of the tachometer (six counts per electrical turn); negative if it counts backwards."""
+    wheelbase_m: float = field(default=0.0, metadata={"min": 0.0})
+    """Between the axles; 0: nobody said."""
+    steering_offset_rad: float = 0.0
+    """What is commanded when the car drives straight."""
     max_speed_m_s: float = field(default=20.0, metadata={"min": 0.0})
     """A tachometer that tells more was reset; that step is left out."""
 
@@ -52,17 +59,30 @@ class SourceReport:
     gyro_gap_s: float = 0.0
     source_gaps: int = 0
     tachometer_resets: int = 0
+    lost: int = 0
+    lost_s: float = 0.0
+
+    @property
+    def remarkable(self) -> bool:
+        """Whether there is anything to tell a person."""
+        faults = (self.source_gaps, self.tachometer_resets, self.lost)
+        return self.gyro_bias_rad_s is not None or any(faults)
 
     def __str__(self) -> str:
         """One line for a person."""
-        if self.gyro_bias_rad_s is None:
-            return f"gaps of the odometry: {self.source_gaps}"
-        told = [
-            f"gyro bias {np.degrees(self.gyro_bias_rad_s):.3f} deg/s "
-            + (f"({self.still_s:.1f} s standing)" if self.still_s else "(the car never stood)"),
-            f"gaps of the gyro: {self.gyro_gaps} ({self.gyro_gap_s:.1f} s)",
-            f"gaps of the odometry: {self.source_gaps}",
-        ]
+        told = []
+        if self.gyro_bias_rad_s is not None:
+            told += [
+                f"gyro bias {np.degrees(self.gyro_bias_rad_s):.3f} deg/s "
+                + (f"({self.still_s:.1f} s standing)" if self.still_s else "(the car never stood)"),
+                f"gaps of the gyro: {self.gyro_gaps} ({self.gyro_gap_s:.1f} s)",
+            ]
+        told.append(f"gaps of the odometry: {self.source_gaps}")
+        if self.lost:
+            told.append(
+                f"the odometry was lost {self.lost} times ({self.lost_s:.1f} s), there the car is "
+                "taken to have gone on as before"
+            )
         if self.tachometer_resets:
             told.append(f"resets of the tachometer: {self.tachometer_resets}")
         return ", ".join(told)
@@ -73,25 +93,48 @@ def odometry_of(
 ) -> tuple[Odometry, SourceReport]:
     """The odometry that `source` names, and what was found while making it.
 
-    vesc, wheel, zed, viso, ... : as the session has it (None: the preferred one); imu+vesc, ... :
-    its translation with the turning of the gyro; imu+tachometer : the distance counted by the motor
-    controller with the turning of the gyro. Raises `MissingStreamError`, naming what the session
-    has, and `UsageError` for words that name no source.
+    vesc, wheel, zed, viso, ... : as the session has it (None: the preferred one), bridged where it
+    says that it was lost; tachometer : the distance counted by the motor controller with the
+    turning that the commanded steering gives; imu+vesc, ..., imu+tachometer : that distance with
+    the turning of the gyro. Raises `MissingStreamError`, naming what the session has, and
+    `UsageError` for words that name no source.
     """
     config = config or SourceConfig()
-    if source is None or not source.startswith(IMU_PREFIX):
-        if source is not None and (source == TACHOMETER or "+" in source or not source):
-            raise UsageError(_no_source(session, source))
-        driven = session.odometry(source)
-        return driven, SourceReport(source_gaps=_count_gaps(driven.t_ns, config.max_gap_s))
-    translation = source.removeprefix(IMU_PREFIX)
-    if not translation or "+" in translation:
-        raise UsageError(_no_source(session, source))
-    if translation != TACHOMETER:
-        return gyro_aided(session.odometry(translation), session.imu(), config)
-    counted, resets = counted_odometry(session.vesc_state(), config)
-    driven, report = gyro_aided(counted, session.imu(), config)
-    return driven, replace(report, tachometer_resets=resets)
+    own, aided = parsed_source(source, session.odometry_sources)
+    if own == TACHOMETER:
+        driven, resets = counted_odometry(session.vesc_state(), config)
+        report = SourceReport(tachometer_resets=resets)
+        if not aided:
+            driven = wound(steered(driven, session.drive(), config))
+    else:
+        driven, report = _bridged(session.odometry(own))
+    gaps = _count_gaps(driven.t_ns, config.max_gap_s)
+    if not aided:
+        return driven, replace(report, source_gaps=gaps)
+    driven, found = gyro_aided(driven, session.imu(), config)
+    return driven, replace(
+        found,
+        tachometer_resets=report.tachometer_resets,
+        lost=report.lost,
+        lost_s=report.lost_s,
+    )
+
+
+def parsed_source(source: str | None, known: Sequence[str]) -> tuple[str | None, bool]:
+    """The stream of a source (or `tachometer`, or None), and whether the gyro turns it.
+
+    Raises `UsageError`, naming the `known` streams, for words that name no source.
+    """
+    if source is None:
+        return None, False
+    own = source.removeprefix(IMU_PREFIX)
+    if not own or "+" in own:
+        raise UsageError(
+            f"--odometry {source}: no such source; expected a stream (this session has: "
+            f"{', '.join(known) or 'none'}), {TACHOMETER}, {IMU_PREFIX}STREAM or "
+            f"{IMU_PREFIX}{TACHOMETER}"
+        )
+    return own, own != source
 
 
 def gyro_aided(odometry: Odometry, imu: Imu, config: SourceConfig) -> tuple[Odometry, SourceReport]:
@@ -101,17 +144,36 @@ def gyro_aided(odometry: Odometry, imu: Imu, config: SourceConfig) -> tuple[Odom
     that driving backwards and sliding stay what they are. No heading changes while the car stands.
     Raises `SlamError` when the gyro was not on while the car drove.
     """
-    gyro_ns, rate = _gyro(imu, odometry, config)
-    still = _still(odometry, config)
-    bias, still_s = _bias(odometry.t_ns, still, gyro_ns, rate, config)
+    gyro_ns, rate = gyro_rates(imu, config)
+    _refuse_other_times(gyro_ns, odometry)
+    still = standing_steps(odometry, config)
+    samples = standing_samples(odometry.t_ns, still, gyro_ns)
+    bias = bias_of(rate[samples], config)
+    made, covered = turned_by_gyro(odometry, still, gyro_ns, rate - bias, config.max_gap_s)
+    return made, SourceReport(
+        gyro_bias_rad_s=bias,
+        still_s=float(np.diff(odometry.t_ns)[still[:-1]].sum()) * 1e-9,
+        gyro_gaps=int(np.count_nonzero(np.diff(np.append(True, covered).astype(np.int8)) < 0)),
+        gyro_gap_s=float(np.diff(made.t_ns)[~covered].sum()) * 1e-9,
+        source_gaps=_count_gaps(odometry.t_ns, config.max_gap_s),
+    )
+
+
+def turned_by_gyro(
+    odometry: Odometry, still: Mask, gyro_ns: Stamps, rate_rad_s: Floats, max_gap_s: float
+) -> tuple[Odometry, Mask]:
+    """Odometry (n,) that turns as a gyro without bias says, and which steps (n - 1,) it covers.
+
+    still : whether the car stands from each sample of the odometry to the next.
+    """
     inside = (gyro_ns >= odometry.t_ns[0]) & (gyro_ns <= odometry.t_ns[-1])
     t_ns = np.union1d(odometry.t_ns, gyro_ns[inside])
     driven = Trajectory.from_poses(odometry.t_ns, odometry.pose_odom_base)
     poses = driven.interpolated(t_ns).poses
     step = between(poses[:-1], poses[1:])
-    covered = _within(gyro_ns, t_ns, config.max_gap_s)
+    covered = _within(gyro_ns, t_ns, max_gap_s)
     stands = still[np.searchsorted(odometry.t_ns, t_ns[:-1], side="right") - 1]
-    turn = np.where(covered, np.diff(_turned(gyro_ns, rate - bias, t_ns)), step[:, 2])
+    turn = np.where(covered, np.diff(_turned(gyro_ns, rate_rad_s, t_ns)), step[:, 2])
     turn = np.where(stands, 0.0, turn)
     speed = np.interp(_seconds(t_ns, t_ns), _seconds(odometry.t_ns, t_ns), odometry.speed_m_s)
     yaw_rate = turn / (np.diff(t_ns) * 1e-9)
@@ -122,51 +184,76 @@ def gyro_aided(odometry: Odometry, imu: Imu, config: SourceConfig) -> tuple[Odom
         speed,
         np.append(yaw_rate, yaw_rate[-1:] if yaw_rate.size else 0.0),
     )
-    open_ns = np.diff(t_ns)[~covered]
-    return made, SourceReport(
-        gyro_bias_rad_s=bias,
-        still_s=still_s,
-        gyro_gaps=int(np.count_nonzero(np.diff(np.append(True, covered).astype(np.int8)) < 0)),
-        gyro_gap_s=float(open_ns.sum()) * 1e-9,
-        source_gaps=_count_gaps(odometry.t_ns, config.max_gap_s),
-    )
+    return wound(made), covered
 
 
-def counted_odometry(state: VescState, config: SourceConfig) -> tuple[Odometry, int]:
+def counted_odometry(
+    state: VescState, config: SourceConfig, start_m: float = 0.0
+) -> tuple[Odometry, int]:
     """Straight odometry as far as the tachometer counted, and how often that was reset.
 
     Raises `UsageError` when nobody said how far a count is.
     """
     if config.metres_per_count == 0.0:
         raise UsageError(
-            "imu+tachometer needs metres_per_count: drive a measured distance and divide it by the "
-            "counts (six per electrical turn of the motor)"
+            "the tachometer needs metres_per_count: drive a measured distance and divide it by the "
+            "counts (six per electrical turn of the motor), then "
+            "--set odometry.metres_per_count=..."
         )
     period_s = np.diff(state.t_ns) * 1e-9
     step = np.diff(state.tachometer) * config.metres_per_count
     reset = ~(np.abs(step) <= config.max_speed_m_s * period_s)
     step[reset] = 0.0
     pose = np.zeros((state.t_ns.size, 3))
-    pose[1:, 0] = np.cumsum(step)
+    pose[:, 0] = np.cumsum(np.append(start_m, step))[: state.t_ns.size]
     speed = step / period_s
-    speed = np.append(speed, speed[-1:] if speed.size else 0.0)
+    speed = np.append(speed, speed[-1:] if speed.size else 0.0)[: state.t_ns.size]
     counted = Odometry(TACHOMETER, state.t_ns, pose, speed, np.zeros(state.t_ns.size))
     return counted, int(np.count_nonzero(reset))
 
 
-def _no_source(session: Session, source: str) -> str:
-    has = ", ".join(session.odometry_sources) or "none"
-    return (
-        f"--odometry {source}: no such source; expected a stream (this session has: {has}), "
-        f"{IMU_PREFIX}STREAM or {IMU_PREFIX}{TACHOMETER}"
-    )
+def steered(
+    counted: Odometry, drive: Drive, config: SourceConfig, start: Floats | None = None
+) -> Odometry:
+    """Straight odometry bent as the commanded steering bends it, from pose `start` (3,) on.
+
+    Headings are not wrapped.
+
+    The middle of the rear axle goes round with curvature tan(steering) / wheelbase (Ackermann, as
+    one wheel per axle); a command holds until the next, before the first the wheels are straight.
+    Raises `UsageError` when nobody said how long the wheelbase is.
+    """
+    if config.wheelbase_m == 0.0:
+        raise UsageError(
+            "--odometry tachometer turns by the steering and needs the wheelbase: measure from "
+            "axle to axle, then --set odometry.wheelbase_m=...; or use --odometry imu+tachometer"
+        )
+    row = np.searchsorted(drive.t_ns, counted.t_ns, side="right") - 1
+    angle = drive.steering_rad[np.maximum(row, 0)] if drive.t_ns.size else np.zeros(row.size)
+    angle = np.where((row >= 0) & np.isfinite(angle), angle - config.steering_offset_rad, 0.0)
+    curvature = np.tan(angle) / config.wheelbase_m
+    step = np.zeros((max(counted.t_ns.size - 1, 0), 3))
+    step[:, 0] = np.diff(counted.pose_odom_base[:, 0])
+    turn = step[:, 0] * curvature[:-1]
+    pose = _with_turns(np.zeros(3) if start is None else start, step, turn)
+    return replace(counted, pose_odom_base=pose, yaw_rate_rad_s=counted.speed_m_s * curvature)
 
 
-def _gyro(imu: Imu, odometry: Odometry, config: SourceConfig) -> tuple[Stamps, Floats]:
-    """Stamps and turn rate of the finite samples, once it is sure that they concern the drive."""
+def _bridged(told: Odometry) -> tuple[Odometry, SourceReport]:
+    bridge = Bridge()
+    poses = bridge.carried(told)
+    report = SourceReport(lost=bridge.lost, lost_s=bridge.lost_s)
+    return replace(told, pose_odom_base=poses), report
+
+
+def gyro_rates(imu: Imu, config: SourceConfig) -> tuple[Stamps, Floats]:
+    """Stamps and turn rate (n,) of the finite samples, on the clock of the odometry."""
     rate = imu.angular_velocity_rad_s[:, 2]
     told = np.isfinite(rate)
-    t_ns, rate = imu.t_ns[told] + round(config.imu_offset_s * 1e9), rate[told]
+    return imu.t_ns[told] + round(config.imu_offset_s * 1e9), rate[told]
+
+
+def _refuse_other_times(t_ns: Stamps, odometry: Odometry) -> None:
     if t_ns.size < 2 or t_ns[-1] <= odometry.t_ns[0] or t_ns[0] >= odometry.t_ns[-1]:
         covers = f"{t_ns[0] * 1e-9:.3f} to {t_ns[-1] * 1e-9:.3f} s" if t_ns.size else "nothing"
         raise SlamError(
@@ -174,14 +261,11 @@ def _gyro(imu: Imu, odometry: Odometry, config: SourceConfig) -> tuple[Stamps, F
             f"{odometry.t_ns[0] * 1e-9:.3f} to {odometry.t_ns[-1] * 1e-9:.3f} s: its turning "
             f"cannot be taken from the gyro; use --odometry {odometry.source}"
         )
-    return t_ns, rate
 
 
-def _still(odometry: Odometry, config: SourceConfig) -> Mask:
+def standing_steps(odometry: Odometry, config: SourceConfig) -> Mask:
     """(n,): whether the car stands from each sample of the odometry to the next."""
-    slow = (np.abs(odometry.speed_m_s) <= config.still_speed_m_s) & (
-        np.abs(odometry.yaw_rate_rad_s) <= config.still_yaw_rate_rad_s
-    )
+    slow = slow_samples(odometry, config)
     still = np.append(slow[:-1] & slow[1:], False)
     edges = np.flatnonzero(np.diff(still.astype(np.int8), prepend=0))
     for start, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
@@ -190,17 +274,27 @@ def _still(odometry: Odometry, config: SourceConfig) -> Mask:
     return still
 
 
-def _bias(
-    t_ns: Stamps, still: Mask, gyro_ns: Stamps, rate: Floats, config: SourceConfig
-) -> tuple[float, float]:
-    """Bias of the gyro [rad/s] and for how long the car stood while it was measured [s]."""
-    still_s = float(np.diff(t_ns)[still[:-1]].sum()) * 1e-9
-    if config.gyro_bias_rad_s is not None:
-        return config.gyro_bias_rad_s, still_s
+def slow_samples(odometry: Odometry, config: SourceConfig) -> Mask:
+    """(n,): where the source tells hardly any motion."""
+    slow: Mask = (np.abs(odometry.speed_m_s) <= config.still_speed_m_s) & (
+        np.abs(odometry.yaw_rate_rad_s) <= config.still_yaw_rate_rad_s
+    )
+    return slow
+
+
+def standing_samples(t_ns: Stamps, still: Mask, gyro_ns: Stamps) -> Mask:
+    """(m,): which samples of the gyro were taken while the car stood."""
     row = np.searchsorted(t_ns, gyro_ns, side="right") - 1
-    standing = (row >= 0) & still[np.maximum(row, 0)]
+    standing: Mask = (row >= 0) & still[np.maximum(row, 0)]
+    return standing
+
+
+def bias_of(standing_rate: Floats, config: SourceConfig) -> float:
+    """Bias of the gyro [rad/s] from its rates while the car stood; 0 where it never did."""
+    if config.gyro_bias_rad_s is not None:
+        return config.gyro_bias_rad_s
     # The median: a push while the car stands is no bias.
-    return (float(np.median(rate[standing])), still_s) if standing.any() else (0.0, 0.0)
+    return float(np.median(standing_rate)) if standing_rate.size else 0.0
 
 
 def _turned(gyro_ns: Stamps, rate: Floats, t_ns: Stamps) -> Floats:
@@ -223,13 +317,23 @@ def _within(own_ns: Stamps, t_ns: Stamps, max_gap_s: float) -> Mask:
 
 
 def _with_turns(start: Floats, step: Floats, turn: Floats) -> Floats:
-    """Poses (n, 3) from `start` by steps (n - 1, 3), given in the car's frame, turned otherwise."""
-    heading = start[2] + np.concatenate([[0.0], np.cumsum(turn)])
+    """Poses (n, 3) from `start` by steps (n - 1, 3), given in the car's frame, turned otherwise.
+
+    Headings are not wrapped, so that it can be gone on with exactly.
+    """
+    heading = np.cumsum(np.append(start[2], turn))
     direction = heading[:-1] + 0.5 * (turn - step[:, 2])
     cos, sin = np.cos(direction), np.sin(direction)
     x = np.cumsum(np.append(start[0], cos * step[:, 0] - sin * step[:, 1]))
     y = np.cumsum(np.append(start[1], sin * step[:, 0] + cos * step[:, 1]))
-    return np.stack([x, y, wrap(heading)], axis=1)
+    return np.stack([x, y, heading], axis=1)
+
+
+def wound(odometry: Odometry) -> Odometry:
+    """The same with headings in (-pi, pi]."""
+    pose = odometry.pose_odom_base.copy()
+    pose[:, 2] = wrap(pose[:, 2])
+    return replace(odometry, pose_odom_base=pose)
 
 
 def _seconds(t_ns: Stamps, origin_ns: Stamps) -> Floats:

@@ -28,13 +28,17 @@ COMMANDS = {
     "info": ("capture.cli:info", "What a session holds."),
     "track": ("tracking.cli:track", "Frames of the overhead camera to ground truth."),
     "slam": ("slam.cli:slam", "Estimate path and landmark map of a session."),
+    "slam tune": ("trackside.tuning.cli:tune", "Search the parameters of SLAM that score best."),
     "score": ("scoring.cli:score", "Score path and map against the truth."),
     "compare": ("scoring.comparison.cli:compare", "Many scores: tables, intervals, tests."),
     "replay": ("capture.recording.cli:replay", "Play a session through emulated devices."),
     "emulate": ("drivers.cli:emulate", "A device that other programs can open."),
     "export": ("capture.cli:export_group", "Session to TUM, CSV, ROS 1 or ROS 2 bags."),
 }
-"""Command -> where it is defined, and its line of help: `--help` imports none of them."""
+"""Command -> where it is defined, and its line of help: `--help` imports none of them.
+
+A name of two words is a command that needs more rooms than the one that it stands under.
+"""
 
 
 class _Commands(click.Group):
@@ -56,7 +60,9 @@ class _Commands(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        name = args[0]
+        name, two = args[0], " ".join(args[:2])
+        if two in COMMANDS:
+            return two, self.get_command(ctx, two), args[2:]
         if name not in COMMANDS and not name.startswith("-"):
             ctx.fail(f"no command {name!r}; {nearest_names(name, COMMANDS)}")
         return super().resolve_command(ctx, args)

@@ -1,4 +1,4 @@
-"""`trackside doctor`: every fault of this installation in one list, each with its remedy."""
+"""`trackside doctor`: every fault of installation, machine and rig in one list, with remedies."""
 
 from __future__ import annotations
 
@@ -33,29 +33,50 @@ LIBRARIES = {
     "rich": "rich",
     "matplotlib": "matplotlib",
     "jinja2": "Jinja2",
+    "serial": "pyserial",
+    "cv2": "opencv-contrib-python-headless",
 }
 """Import name -> the distribution it comes from."""
 
 MIN_FREE_BYTES = 500_000_000
 
 
+RIG_NAME = "rig.yaml"
+
+
 @click.command("doctor")
+@click.option(
+    "--rig",
+    "rig_file",
+    type=click.Path(path_type=Path),
+    help="Also look at its devices and at this machine.  [default: rig.yaml, if there is one here]",
+)
 @click.option(
     "--format", "table_format", type=click.Choice(TABLE_FORMATS), default="table", show_default=True
 )
 @click.pass_context
-def doctor(ctx: click.Context, table_format: str) -> None:
-    """What is wrong with this installation, and what to do; exit code 1 if anything is."""
-    findings = examine(Path.cwd())
-    rows = tuple((f.what, "ok" if f.well else "FAULT", f.seen, f.remedy) for f in findings)
+def doctor(ctx: click.Context, rig_file: Path | None, table_format: str) -> None:
+    """What would spoil a recording here, and what to do; exit code 1 if anything would.
+
+    Without a rig only the installation is looked at.
+    """
+    here = Path(RIG_NAME)
+    findings = examine(Path.cwd(), rig_file or (here if here.exists() else None))
+    rows = tuple(
+        (f.what, "ok", f.seen, "") if f.well else (f.what, "FAULT", f.seen, f.remedy)
+        for f in findings
+    )
     faults = sum(not f.well for f in findings)
     note = "all is well" if not faults else f"{faults} to mend"
     click.echo(Table(("what", "state", "seen", "do"), rows, note=note).render(table_format))
     ctx.exit(1 if faults else 0)
 
 
-def examine(folder: Path) -> list[Finding]:
-    """All findings for this environment, with recordings going to `folder`; nothing is changed."""
+def examine(folder: Path, rig_file: Path | None = None) -> list[Finding]:
+    """All findings for this environment, with recordings going to `folder`.
+
+    With a rig also its devices and the machine are looked at. Nothing is changed.
+    """
     checks: tuple[Callable[[], Finding], ...] = (
         _python,
         _environment,
@@ -65,7 +86,29 @@ def examine(folder: Path) -> list[Finding]:
         _log_format,
         lambda: _disk(folder),
     )
-    return [check() for check in checks]
+    findings = [check() for check in checks]
+    if rig_file is None:
+        return [*findings, Finding("rig", True, "none given: only the installation was looked at")]
+    return [*findings, *_recording_findings(folder, rig_file)]
+
+
+def _recording_findings(folder: Path, rig_file: Path) -> list[Finding]:
+    from trackside import machine
+    from trackside.rig_checks import rig_findings
+
+    found, rig = rig_findings(rig_file)
+    this = machine.Machine()
+    cameras = rig is not None and (rig.zed is not None or rig.overhead is not None)
+    looks = (
+        machine.modem_manager,
+        machine.brltty,
+        machine.udev_rules,
+        machine.kernel_modules,
+        machine.usb_power,
+        machine.power,
+        machine.clock,
+    )
+    return [*found, *(look(this) for look in looks), machine.disk_speed(this, folder, cameras)]
 
 
 def _python() -> Finding:

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import cast
 
 from capture.clock import UtcLine, read_clock_pair
-from capture.recording.check import STREAMS_KEY
 from capture.recording.folder import new_recording_folder
 from capture.recording.recorder import Clocks, Limits, Recorder
 from capture.recording.rig import Rig
@@ -31,7 +30,7 @@ class Take:
 
 def devices_of(rig: Rig, among: Sequence[str], without: Sequence[str] = ()) -> tuple[str, ...]:
     """Names of the devices to record; raises `UsageError` when none is left, or for wrong names."""
-    here = [name for name in among if getattr(rig, name) is not None]
+    here = [name for name in among if rig.has(name)]
     for name in without:
         if name not in here:
             hint = nearest_names(name, here) if here else "the rig has none of these"
@@ -66,10 +65,6 @@ def recorder_for(
     folder, trial = new_recording_folder(
         base or Path(rig.recording.folder), started.date(), take.map, take.power, take.trial, suffix
     )
-    asked = {
-        name: {"topic": stream.translator.topic, "asked_hz": stream.asked_hz}
-        for name, stream in streams.items()
-    }
     info = SessionInfo(
         map=take.map,
         power=take.power,
@@ -77,7 +72,7 @@ def recorder_for(
         notes=take.notes,
         start_utc=started.isoformat(timespec="seconds"),
         clocks=(pair,),
-        configuration={"rig": cast("dict[str, object]", plain(rig)), STREAMS_KEY: asked},
+        configuration={"rig": cast("dict[str, object]", plain(rig))},
     )
-    limits = Limits(seconds, rig.recording.disk_reserve_mb * 1_000_000)
+    limits = Limits(seconds, rig.recording.still_s, rig.recording.disk_reserve_mb * 1_000_000)
     return Recorder(folder, info, streams, utc, limits, clocks)

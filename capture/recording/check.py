@@ -8,15 +8,12 @@ from dataclasses import dataclass
 from capture.configuration import configuration_from_mapping
 from capture.errors import SessionError
 from capture.recording.facts import RecordingFacts, RecordingWatch
-from capture.recording.recorder import SELF
-from capture.recording.status import losses_from
+from capture.recording.recorder import SELF, STREAMS_KEY
+from capture.recording.status import losses_from, remarks_of
 from capture.recording.verdict import Verdict, judged
 from capture.sensor_messages import diagnostics_of
 from capture.session import Session
 from capture.topics import DIAGNOSTICS_TOPIC
-
-STREAMS_KEY = "streams"
-"""Where `session.yaml` keeps what was asked of each device, within `configuration`."""
 
 
 @dataclass(frozen=True)
@@ -63,10 +60,13 @@ def facts_of(session: Session, *, recovered: bool = False) -> RecordingFacts:
         recovered=recovered or any(log.truncated for log in session.logs),
         utc_step_s=int(own.get("utc_step_ns", 0)) * 1e-9,
         ended_because=own.get("ended_because", ""),
-        remarks=tuple(
-            f"{log.file.name}: {log.damaged_chunks} damaged chunks"
-            for log in session.logs
-            if log.topics and log.damaged_chunks
+        remarks=(
+            *remarks_of({name: diagnosis[name] for name in asked if name in diagnosis}),
+            *(
+                f"{log.file.name}: {log.damaged_chunks} damaged chunks"
+                for log in session.logs
+                if log.topics and log.damaged_chunks
+            ),
         ),
     )
 

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from dialogue import TABLE_FORMATS, Cell, Table
+from dialogue import TABLE_FORMATS, Cell, Table, asked_to_end
 
 if TYPE_CHECKING:
     from capture.recording.facts import RecordingFacts
@@ -97,26 +96,13 @@ def _record(
     recorder = recorder_for(rig, names, take, base=output, suffix=suffix, seconds=seconds)
     still_s = rig.recording.still_s if not suffix else 0.0
     try:
-        with _ending() as asked_to_end, recorder:
+        with asked_to_end() as ended, recorder:
             _say_identities(recorder)
-            _watch(recorder, asked_to_end, still_s)
+            _watch(recorder, ended, still_s)
     except BaseException:
         _remove_if_empty(recorder.folder)
         raise
     _summarise(recorder)
-
-
-@contextlib.contextmanager
-def _ending() -> Iterator[threading.Event]:
-    """An event that Ctrl-C, SIGTERM and a closed terminal set, so that a recording ends whole."""
-    asked = threading.Event()
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    before = {number: signal.signal(number, lambda *_: asked.set()) for number in numbers}
-    try:
-        yield asked
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 _TOLD = ("model", "firmware", "serial", "scan_mode", "card")
@@ -130,14 +116,14 @@ def _say_identities(recorder: Recorder) -> None:
         click.echo(f"{name}: {', '.join(told)}", err=True)
 
 
-def _watch(recorder: Recorder, asked_to_end: threading.Event, still_s: float) -> None:
+def _watch(recorder: Recorder, ended: threading.Event, still_s: float) -> None:
     from capture.recording.live_view import LiveView
 
     click.echo(f"recording into {recorder.folder}; waiting for every device", err=True)
     calls = [(0.0, f"keep the car still for {still_s:g} s")] if still_s else []
     calls.append((still_s, "drive; Ctrl-C ends the recording"))
     with LiveView() as view:
-        while not asked_to_end.wait(POLL_S) and not recorder.is_over():
+        while not ended.wait(POLL_S) and not recorder.is_over():
             statuses = recorder.poll()
             while calls and recorder.is_ready and recorder.elapsed_s >= calls[0][0]:
                 view.say(calls.pop(0)[1])
@@ -196,7 +182,7 @@ def replay(session: Path, speed: float, rig_file: Path | None) -> None:
     from capture.session import Session
     from capture.transaction import write_text
 
-    with _ending() as ended, replayed(Session.open(session), speed) as devices:
+    with asked_to_end() as ended, replayed(Session.open(session), speed) as devices:
         for device in devices:
             click.echo(f"{device.device}: {device.path} ({device.seconds:.1f} s)")
         if rig_file is not None:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-import numpy as np
-
 from capture.clock import ClockFilter, UtcLine
+from capture.recording.still import StillPeriod
 from capture.recording.translation import LogMessage, raw_messages
 from capture.sensor_messages import imu_message, magnetic_field_message
 from capture.topics import (
@@ -19,41 +18,24 @@ from capture.topics import (
 )
 from drivers import Reading
 from drivers.imu import ImuSample
-from geometry import Floats
 
 FRAME = "imu"
-
-
-class StillPeriod:
-    """The angular velocity while the car is asked to stand, for a bias that a person can read."""
-
-    def __init__(self) -> None:
-        self._rates: list[tuple[float, float, float]] = []
-
-    def note(self, angular_velocity_rad_s: tuple[float, float, float]) -> None:
-        """One more sample."""
-        self._rates.append(angular_velocity_rad_s)
-
-    @property
-    def rates_rad_s(self) -> Floats:
-        """(n, 3): all of them."""
-        return np.array(self._rates, dtype=np.float64).reshape(-1, 3)
+OSCILLATOR_SKEW = 0.02
+"""An MPU-9250 samples by an oscillator that is good to 1 % (PS-MPU-9250A-01, 3.2)."""
 
 
 class ImuTranslator:
     """Messages of one IMU; its clock is tied to ours by what arrived until then.
 
-    still_until_ns : monotonic; samples until then also go into `still`.
+    still : sees every sample with the time at which it was measured.
     """
 
     log_name = LOG_NAME
     topic = IMU_TOPIC
 
-    def __init__(self, utc: UtcLine) -> None:
-        self.clock = ClockFilter()
-        self.still = StillPeriod()
-        self.still_until_ns = 0
-        self._utc = utc
+    def __init__(self, utc: UtcLine, still: StillPeriod | None = None) -> None:
+        self.clock = ClockFilter(max_skew=OSCILLATOR_SKEW)
+        self._utc, self._still = utc, still or StillPeriod()
 
     def messages(self, reading: Reading[ImuSample]) -> Iterator[LogMessage]:
         """The raw bytes, then each sample."""
@@ -72,12 +54,11 @@ class ImuTranslator:
                 yield LogMessage(
                     MAGNETIC_FIELD_TOPIC, MAGNETIC_FIELD_TYPE, data, arrival_ns, stamp_ns
                 )
-            if measured_ns < self.still_until_ns:
-                self.still.note(sample.angular_velocity_rad_s)
+            self._still.note(measured_ns, sample)
 
     def state(self) -> Mapping[str, object]:
-        """The skew of the IMU's clock and how often it began anew."""
-        return clock_state(self.clock)
+        """The skew of the IMU's clock, how often it began anew, and what the still period told."""
+        return {**clock_state(self.clock), **self._still.state()}
 
     def _imu(self, sample: ImuSample, arrival_ns: int, stamp_ns: int) -> LogMessage:
         data = imu_message(

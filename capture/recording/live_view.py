@@ -22,8 +22,8 @@ COLUMNS = ("device", "state", "asked", "got", "age", "messages", "gap", "bad", "
 class LiveView:
     """Shows the streams of a recording; a context manager that leaves the screen as it found it.
 
-    On a terminal a table that refreshes and a bell for each new alarm; elsewhere a line for every
-    change of a state, and one every five seconds.
+    Every change of a state is a line. On a terminal a table stands below that refreshes, and a bell
+    rings for each new alarm; elsewhere there is a line every five seconds.
     """
 
     def __init__(
@@ -57,13 +57,13 @@ class LiveView:
         """Show how all streams do now, under a line on the whole recording."""
         alarms = [s for s in statuses if s.state != self._states.get(s.device, "ok")]
         self._states = {s.device: s.state for s in statuses}
+        for status in alarms:
+            self.say(alarm_line(status))
         if self._live is not None:
             self._live.update(_rich_table(statuses, headline))
             if any(s.state in ("silent", "lost") for s in alarms):
                 self._live.console.file.write(BELL)
             return
-        for status in alarms:
-            self.say(alarm_line(status))
         now_s = self._clock_s()
         if now_s - self._spoke_s >= PLAIN_PERIOD_S:
             self._spoke_s = now_s

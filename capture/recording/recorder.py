@@ -19,7 +19,8 @@ from capture.recording.facts import RecordingFacts
 from capture.recording.folder import held
 from capture.recording.inbox import Inbox
 from capture.recording.scribe import Diagnosis, Item, Scribe
-from capture.recording.status import Health, StreamStatus
+from capture.recording.status import Health, StreamStatus, remarks_of
+from capture.recording.still import StillPeriod
 from capture.recording.translation import Translator
 from capture.recording.verdict import Verdict, judged
 from capture.sensor_messages import OK
@@ -30,6 +31,8 @@ from drivers import Device, DeviceReader, DriverError
 DIAGNOSIS_S = 1.0
 READY_S = 10.0
 """So long a device may take to its first message: a lidar must spin up."""
+STREAMS_KEY = "streams"
+"""Where `session.yaml` keeps what was asked of each device, within `configuration`."""
 SELF = "recorder"
 """The recorder's own name in the inbox and in the diagnostics."""
 
@@ -42,21 +45,26 @@ class RecordingError(CaptureError):
 class Stream:
     """A device to record: how it becomes messages, what is asked of it.
 
-    asked_hz : messages per second on the translator's topic; waiting : how many of its readings
-    may wait for the disk.
+    asked_hz : messages per second on the translator's topic, None for what the device says of
+    itself (`rate_hz` of its identity), if it does; waiting : how many of its readings may wait for
+    the disk; still : of an IMU, begins with the recording; is_finished : of footage, whether its
+    last frame was given, which ends the recording.
     """
 
     device: Device[Any]
     translator: Translator[Any]
     asked_hz: float | None = None
     waiting: int = 4000
+    still: StillPeriod | None = None
+    is_finished: Callable[[], bool] = lambda: False
 
 
 @dataclass(frozen=True)
 class Limits:
-    """When a recording ends by itself; `seconds` None: not."""
+    """When a recording ends by itself (`seconds` None: not), and how long the car first stands."""
 
     seconds: float | None = None
+    still_s: float = 0.0
     disk_reserve_bytes: int = 500_000_000
 
 
@@ -108,21 +116,28 @@ class Recorder:
     def __enter__(self) -> Recorder:
         with ExitStack() as undo:
             undo.enter_context(held(self.folder))
+            undo.callback(self._stop_devices)
             self._connect()
-            undo.callback(self._close_devices)
             self._begin()
             self._held = undo.pop_all()
         return self
 
     def _begin(self) -> None:
         identities = {name: dict(s.device.identify()) for name, s in self._streams.items()}
-        self.info = replace(self.info, devices=identities)
+        for name, identity in identities.items():
+            rate_hz = identity.get("rate_hz")
+            if self._streams[name].asked_hz is None and isinstance(rate_hz, (int, float)):
+                self._streams[name] = replace(self._streams[name], asked_hz=float(rate_hz))
+        asked = {
+            name: {"topic": s.translator.topic, "asked_hz": s.asked_hz}
+            for name, s in self._streams.items()
+        }
+        configuration = {**self.info.configuration, STREAMS_KEY: asked}
+        self.info = replace(self.info, devices=identities, configuration=configuration)
         write_session_info(self.folder, self.info)
         self._connected_ns = self._diagnosed_ns = self._clocks.monotonic_ns()
         self._start(self._connected_ns)
         self._writer.start()
-        for reader in self._readers.values():
-            reader.start()
 
     def __exit__(
         self,
@@ -133,7 +148,7 @@ class Recorder:
         stopped_ns = self._clocks.monotonic_ns()
         if isinstance(error, Exception) and not self.ended_because:
             self.ended_because = f"of an error ({type(error).__name__})"
-        with self._held:  # which closes the devices, once more, and lets go of the folder
+        with self._held:  # which stops the devices, once more, and lets go of the folder
             self._stop_devices()
             self._inbox.close()
             self._writer.join()
@@ -152,7 +167,14 @@ class Recorder:
     def is_over(self) -> bool:
         """Whether its time is over, or it must end (`ended_because` then says why)."""
         limit_s = self._limits.seconds
-        return bool(self.ended_because) or (limit_s is not None and self.elapsed_s >= limit_s)
+        if self.ended_because or any(s.is_finished() for s in self._streams.values()):
+            return True
+        return limit_s is not None and self.elapsed_s >= limit_s
+
+    @property
+    def most_waiting(self) -> int:
+        """How many readings ever waited for the disk at once."""
+        return self._inbox.high_water
 
     def poll(self) -> tuple[StreamStatus, ...]:
         """How every stream does; to be called a few times a second.
@@ -166,6 +188,9 @@ class Recorder:
             late = now_ns - self._connected_ns >= READY_S * 1e9
             self.is_ready = late or all(status.messages for status in statuses)
             self._start(now_ns)
+            for stream in self._streams.values():
+                if self.is_ready and stream.still is not None:
+                    stream.still.begin(now_ns, self._limits.still_s)
         if now_ns - self._diagnosed_ns >= DIAGNOSIS_S * 1e9:
             self._diagnosed_ns = now_ns
             self._look_around()
@@ -193,6 +218,7 @@ class Recorder:
             self._scribe.watch.duration_s,
             utc_step_s=self._step_ns * 1e-9,
             ended_because=self.ended_because,
+            remarks=remarks_of({n: s.translator.state() for n, s in self._streams.items()}),
         )
 
     def verdict(self) -> Verdict:
@@ -206,29 +232,25 @@ class Recorder:
         return DeviceReader(device, take, clock_ns=self._clocks.monotonic_ns)
 
     def _connect(self) -> None:
-        """All devices at the same time, so that their waits do not add up; all faults at once."""
+        """All devices at the same time, so that their waits do not add up; all faults at once.
 
-        def tried(stream: Stream) -> DriverError | None:
+        Each is read as soon as it runs: buffers of devices and of the kernel hold a third of a
+        second, others may take longer to start.
+        """
+
+        def tried(name: str) -> DriverError | None:
             try:
-                stream.device.connect()
+                self._streams[name].device.connect()
             except DriverError as err:
                 return err
+            self._readers[name].start()
             return None
 
         with ThreadPoolExecutor(max(len(self._streams), 1)) as pool:
-            errors = list(pool.map(tried, self._streams.values()))
-        faults = [
-            f"{name}: {err}"
-            for name, err in zip(self._streams, errors, strict=True)
-            if err is not None
-        ]
+            errors = list(pool.map(tried, self._streams))
+        faults = [f"{name}: {err}" for name, err in zip(self._streams, errors, strict=True) if err]
         if faults:
-            self._close_devices()
             raise RecordingError("\n".join(["cannot record:", *faults]))
-
-    def _close_devices(self) -> None:
-        for stream in self._streams.values():
-            stream.device.close()
 
     def _write_on(self) -> None:
         try:
@@ -255,7 +277,7 @@ class Recorder:
             "ended_because": self.ended_because,
             "utc_step_ns": self._step_ns,
             "disk_free_bytes": self._free_bytes,
-            "most_waiting": self._inbox.high_water,
+            "most_waiting": self.most_waiting,
         }
         return Diagnosis(
             now_ns, [*(status.diagnosis() for status in statuses), (SELF, OK, "", own)]

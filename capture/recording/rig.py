@@ -7,6 +7,7 @@ from pathlib import Path
 
 from capture.configuration import read_configuration
 from capture.errors import ConfigurationError
+from drivers.camera import ImageFolderConfig, VideoFileConfig
 from drivers.camera.v4l2 import V4l2Config
 from drivers.camera.zed import ZedConfig
 from drivers.imu.mpu9250 import Mpu9250Config
@@ -27,7 +28,7 @@ class RecordingConfig:
     """
 
     folder: str = "sessions"
-    disk_reserve_mb: int = field(default=500, metadata={"min": 50})
+    disk_reserve_mb: int = field(default=500, metadata={"min": 0})
     still_s: float = field(default=2.0, metadata={"min": 0.0, "max": 60.0})
 
 
@@ -35,7 +36,8 @@ class RecordingConfig:
 class Rig:
     """Every device of the car and of the track; those that are not named are not there.
 
-    vesc_calibration : makes odometry of the VESC's counts. Raises `ValueError` for two IMUs.
+    vesc_calibration : makes odometry of the VESC's counts; overhead_images, overhead_video : old
+    footage in the place of the overhead camera. Raises `ValueError` for two of one kind.
     """
 
     format: int = FORMAT
@@ -47,12 +49,24 @@ class Rig:
     razor: RazorConfig | None = None
     zed: ZedConfig | None = None
     overhead: V4l2Config | None = None
+    overhead_images: ImageFolderConfig | None = None
+    overhead_video: VideoFileConfig | None = None
 
     def __post_init__(self) -> None:
         if self.format != FORMAT:
             raise ValueError(f"format {self.format} is not known; this trackside reads {FORMAT}")
         if self.mpu9250 is not None and self.razor is not None:
             raise ValueError("mpu9250 and razor would both be /imu/data_raw; keep one of them")
+        overheads = (self.overhead, self.overhead_images, self.overhead_video)
+        if sum(config is not None for config in overheads) > 1:
+            raise ValueError(
+                "overhead, overhead_images and overhead_video stand for one camera; keep one"
+            )
+
+    def has(self, name: str) -> bool:
+        """Whether there is a device of that name; old footage counts as the overhead camera."""
+        names = ("overhead", "overhead_images", "overhead_video") if name == "overhead" else (name,)
+        return any(getattr(self, one) is not None for one in names)
 
 
 def read_rig(file: Path) -> Rig:

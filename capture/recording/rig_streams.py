@@ -10,10 +10,14 @@ from capture.recording.imu import ImuTranslator
 from capture.recording.lidar import LidarTranslator
 from capture.recording.recorder import Stream
 from capture.recording.rig import Rig
+from capture.recording.still import StillPeriod
 from capture.recording.vesc import VescTranslator
 from capture.topics import OVERHEAD_LOG_NAME, OVERHEAD_TOPIC, ZED_LOG_NAME, ZED_TOPIC
+from drivers import Device
+from drivers.camera import ImageFolder, VideoFile
 from drivers.camera.v4l2 import V4l2Camera
 from drivers.camera.zed import ZedCamera
+from drivers.imu import ImuSample
 from drivers.imu.mpu9250 import Mpu9250
 from drivers.imu.razor import Razor
 from drivers.rplidar import RPLidar
@@ -35,14 +39,34 @@ def streams_of(rig: Rig, names: Sequence[str], utc: UtcLine) -> Mapping[str, Str
         translator = VescTranslator(utc, rig.vesc_calibration)
         made["vesc"] = Stream(Vesc(rig.vesc), translator, rig.vesc.rate_hz)
     if rig.mpu9250 is not None:
-        made["mpu9250"] = Stream(Mpu9250(rig.mpu9250), ImuTranslator(utc), rig.mpu9250.rate_hz)
+        made["mpu9250"] = _imu(Mpu9250(rig.mpu9250), utc)
     if rig.razor is not None:
-        made["razor"] = Stream(Razor(rig.razor), ImuTranslator(utc))
+        made["razor"] = _imu(Razor(rig.razor), utc)
     if rig.zed is not None:
-        images = CameraTranslator(utc, ZED_TOPIC, ZED_LOG_NAME, "zed_left")
-        made["zed"] = Stream(ZedCamera(rig.zed), images, rig.zed.rate_hz, IMAGES_WAITING)
+        pairs = CameraTranslator(utc, ZED_TOPIC, ZED_LOG_NAME, "zed_left")
+        made["zed"] = Stream(ZedCamera(rig.zed), pairs, rig.zed.rate_hz, IMAGES_WAITING)
+    images = CameraTranslator(utc, OVERHEAD_TOPIC, OVERHEAD_LOG_NAME, "overhead")
     if rig.overhead is not None:
-        images = CameraTranslator(utc, OVERHEAD_TOPIC, OVERHEAD_LOG_NAME, "overhead")
         camera = V4l2Camera(rig.overhead)
         made["overhead"] = Stream(camera, images, rig.overhead.rate_hz, IMAGES_WAITING)
+    footage = _footage(rig)
+    if footage is not None:
+        made["overhead"] = Stream(
+            footage, images, None, IMAGES_WAITING, is_finished=lambda: footage.finished
+        )
     return {name: made[name] for name in names}
+
+
+def _imu(device: Device[ImuSample], utc: UtcLine) -> Stream:
+    """Its rate is what it says of itself."""
+    still = StillPeriod()
+    return Stream(device, ImuTranslator(utc, still), still=still)
+
+
+def _footage(rig: Rig) -> ImageFolder | VideoFile | None:
+    """Old footage in the place of the overhead camera."""
+    if rig.overhead_images is not None:
+        return ImageFolder(rig.overhead_images)
+    if rig.overhead_video is not None:
+        return VideoFile(rig.overhead_video)
+    return None

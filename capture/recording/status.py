@@ -72,6 +72,11 @@ def losses_from(values: Mapping[str, str]) -> Losses:
     return Losses(**counts, last_error=values.get("last_error", ""))
 
 
+def remarks_of(states: Mapping[str, Mapping[str, object]]) -> tuple[str, ...]:
+    """What the translators of the devices have to say at the end, by the names of the devices."""
+    return tuple(f"{name}: {s['remark']}" for name, s in sorted(states.items()) if "remark" in s)
+
+
 class Watched(Protocol):
     """What is needed of a stream to watch it (`capture.recording.recorder.Stream`)."""
 

@@ -80,8 +80,10 @@ def _stream_faults(stream: StreamFacts) -> tuple[list[str], list[str]]:
     if losses.bad_frames:
         text = f"{name}: {losses.bad_frames} bad frames"
         (bad if share > MAX_BAD_FRAMES else noted).append(text)
+    if losses.disconnects:
+        times = "once" if losses.disconnects == 1 else f"{losses.disconnects} times"
+        noted.append(f"{name}: gone {times}, at last because {losses.last_error}")
     counts = (
-        (losses.disconnects, "times gone and back"),
         (losses.lost_samples, "samples lost by the device"),
         (losses.timeouts, "questions without an answer"),
     )

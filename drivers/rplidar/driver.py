@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from dialogue import UsageError
 from drivers.device import Counters, Reading, Tick
@@ -24,14 +24,18 @@ from drivers.rplidar.conversation import (
 from drivers.rplidar.motor import Motor, MotorPort, motor_method
 from drivers.rplidar.protocol import PWM_MAX, Command, Health, Info, ScanMode, request, scan_request
 from drivers.rplidar.revolution import Revolution, RevolutionSplitter
+from drivers.rplidar.slips import SlipWatch
 
 CONNECT_S = 4.8
-START_S, STARTS = 0.5, 2
+START_S = 0.5
 SPIN_UP_S = 6.0
 SILENCE_S = 1.0
 NONSENSE_S = 2.0
 LAPSE_NS = 50_000_000
 """So much time without its bytes may be a whole turn, of which the angles tell nothing."""
+KERNEL_BYTES = 4095
+"""What a terminal holds for a program that does not read."""
+DEAF_NS = 100_000_000
 CLOSING_S = 0.02
 BYTE_BITS = 10
 
@@ -83,8 +87,10 @@ class _Session:
     first_epoch: int
     begun_ns: int
     waiting: Chunk | None
+    slips: SlipWatch = field(default_factory=SlipWatch)
     last_ns: int | None = None
     good_ns: int | None = None
+    deaf_until_ns: int = 0
 
 
 def open_serial(path: str, baud: int) -> MotorPort:
@@ -130,7 +136,8 @@ class RPLidar:
         port = self._open_port(self._config.port, bauds[0])
         try:
             self._unless_closed(lambda: setattr(self, "_port", port))
-            self._session = self._begin(port, bauds)
+            session = self._begin(port, bauds)
+            self._unless_closed(lambda: setattr(self, "_session", session))
         except BaseException:
             self.close()
             port.close()
@@ -173,11 +180,16 @@ class RPLidar:
         if chunk is None:
             self._check_silence(session, port.now_ns())
             return None
+        if chunk.t_ns < session.deaf_until_ns:
+            session.last_ns = chunk.t_ns
+            return Reading(raw=(chunk,))
         self._check_lapse(session, chunk)
         beams = session.decoder.feed(chunk.data)
         session.last_ns = chunk.t_ns
         session.good_ns = session.good_ns or chunk.t_ns
         ticks = self._ticks(session, chunk)
+        if session.slips.has_slipped(ticks):
+            session.decoder.break_count()
         turns = session.splitter.feed(beams)
         self._count(session, len(beams), len(turns))
         for turn in turns:
@@ -238,17 +250,18 @@ class RPLidar:
 
     def _start(self, port: MotorPort, talk: Conversation, mode: ScanMode) -> tuple[int, Chunk]:
         """The type of answers that the scan really gives, and what came of them already."""
-        for left in reversed(range(STARTS)):
-            try:
-                self._unless_closed(lambda: port.write(scan_request(mode)))
-                descriptor, first = talk.scan(START_S)
-                return descriptor.kind, first
-            except NoAnswerError:
-                if not left:
-                    raise
-                self.counters.timeouts += 1
-                talk.settle()
-        raise AssertionError("unreachable")
+
+        def ask() -> tuple[int, Chunk]:
+            self._unless_closed(lambda: port.write(scan_request(mode)))
+            descriptor, first = talk.scan(START_S)
+            return descriptor.kind, first
+
+        try:
+            return ask()
+        except NoAnswerError:
+            self.counters.timeouts += 1
+            talk.settle()
+            return ask()
 
     def _check_silence(self, session: _Session, now_ns: int) -> None:
         if session.last_ns is None:
@@ -265,14 +278,25 @@ class RPLidar:
             )
 
     def _check_lapse(self, session: _Session, chunk: Chunk) -> None:
-        """Tell the decoder when more time passed than the bytes account for."""
+        """Begin a new epoch where more time passed than the bytes account for.
+
+        Those that are missing came before these; or, if we came so late that the kernel was full,
+        behind them, and somewhere in what then still stands in the adapter.
+        """
         if session.last_ns is None:
+            return
+        if session.deaf_until_ns:
+            session.deaf_until_ns = 0
+            session.decoder.break_count()
             return
         decoder, mode = session.decoder, session.found.mode
         packets = len(chunk.data) / decoder.packet_bytes
         accounted_ns = packets * decoder.packet_samples * mode.us_per_sample * 1e3
         if chunk.t_ns - session.last_ns - accounted_ns > LAPSE_NS:
-            decoder.break_count()
+            if len(chunk.data) >= KERNEL_BYTES:
+                session.deaf_until_ns = chunk.t_ns + DEAF_NS
+            else:
+                decoder.break_count()
 
     def _ticks(self, session: _Session, chunk: Chunk) -> tuple[Tick, ...]:
         newest = session.decoder.newest

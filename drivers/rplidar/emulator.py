@@ -30,7 +30,7 @@ from drivers.rplidar.protocol import (
     banner_of,
     checksum,
 )
-from drivers.rplidar.scene import Rotor, Scan, Source, Stream, room
+from drivers.rplidar.scene import SAMPLES, Rotor, Scan, Source, Stream, room
 
 BOOT_NS = 671_000_000
 REQUEST_NS = 5_000_000_000
@@ -53,6 +53,7 @@ SERIAL = "ABB69AF2C1EA9FC2A2EB92F138653C00"
 class LidarSpec:
     """What kind of lidar it is; `a2m8()` gives the usual ones.
 
+    modes : their places are their numbers on the wire.
     accessory_board : whether the motor obeys SET_MOTOR_PWM; else it obeys the DTR line (A1), or an
     rpm command where the series is 6 or more. pwm_per_hz : units differ.
     """
@@ -63,6 +64,13 @@ class LidarSpec:
     samplerate_us: tuple[int, int] = (508, 254)
     accessory_board: bool = True
     pwm_per_hz: float = PWM_PER_HZ
+
+    def __post_init__(self) -> None:
+        for mode in self.modes:
+            answer = Answer(mode.answer)
+            bits = 1e7 * ANSWER_BYTES[answer] / (SAMPLES[answer] * mode.us_per_sample)
+            if bits > self.baud:
+                raise ValueError(f"{mode.name} needs {bits:.0f} baud, the line has {self.baud}")
 
 
 def a2m8(firmware: tuple[int, int] = (1, 29)) -> LidarSpec:
@@ -258,11 +266,15 @@ class RPLidarModel:
             self._reply(*self._answer(command, payload), now_ns)
 
     def _wanted(self, command: int, payload: bytes) -> ScanMode | None:
-        """The mode that a request starts; express 0 is express 1, as most firmware has it."""
-        if command != Command.EXPRESS_SCAN:
-            return next((m for m in self.spec.modes if m.answer == Answer.STANDARD), None)
-        number = max(payload[0], 1) if len(payload) == 5 else -1
-        return next((mode for mode in self.spec.modes if mode.number == number), None)
+        """The mode that a request starts; express 0 gives legacy capsules on most firmware."""
+        mode = self._mode_at(payload[0]) if len(payload) == 5 else None
+        kind = Answer.LEGACY if command == Command.EXPRESS_SCAN else Answer.STANDARD
+        if command == Command.EXPRESS_SCAN and (mode is None or mode.answer != Answer.STANDARD):
+            return mode
+        return next((mode for mode in self.spec.modes if mode.answer == kind), None)
+
+    def _mode_at(self, number: int) -> ScanMode | None:
+        return self.spec.modes[number] if number < len(self.spec.modes) else None
 
     def _scan(self, mode: ScanMode, now_ns: int, *, needs_rotation: bool) -> None:
         answer = Answer(mode.answer)
@@ -296,17 +308,18 @@ class RPLidarModel:
     def _conf(self, payload: bytes) -> bytes:
         """An answer to GET_LIDAR_CONF: the question repeated, then its value."""
         conf = int.from_bytes(payload[:4], "little")
-        number = int.from_bytes(payload[4:6], "little")
-        mode = next((m for m in self.spec.modes if m.number == number), STANDARD)
+        mode = self._mode_at(int.from_bytes(payload[4:6], "little"))
+        if mode is None or conf not in list(Conf):
+            return b""
         values = {
             Conf.MODE_COUNT: struct.pack("<H", len(self.spec.modes)),
-            Conf.TYPICAL_MODE: struct.pack("<H", self.spec.modes[-1].number),
+            Conf.TYPICAL_MODE: struct.pack("<H", len(self.spec.modes) - 1),
             Conf.US_PER_SAMPLE: struct.pack("<I", mode.us_q8),
             Conf.MAX_DISTANCE: struct.pack("<I", round(mode.max_distance_m * 256)),
             Conf.ANSWER_TYPE: bytes((mode.answer,)),
             Conf.MODE_NAME: mode.name.encode() + b"\0",
         }
-        return payload[:4] + values[Conf(conf)] if conf in list(Conf) else b""
+        return payload[:4] + values[Conf(conf)]
 
 
 class LidarPort(ModelPort):

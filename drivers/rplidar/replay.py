@@ -9,12 +9,22 @@ from pathlib import Path
 from dialogue import UsageError
 from dialogue.errors import nearest_names
 from drivers.port import Chunk
-from drivers.rplidar.emulator import BOOST, DENSE, EXPRESS, FIVE_MODES, STANDARD, RPLidarModel, a2m8
+from drivers.rplidar.emulator import (
+    BOOST,
+    DENSE,
+    EXPRESS,
+    FIVE_MODES,
+    STANDARD,
+    LidarSpec,
+    RPLidarModel,
+    a2m8,
+)
 from drivers.rplidar.protocol import (
     ANSWER_BYTES,
     DESCRIPTOR_BYTES,
     SCAN_ANSWERS,
     Answer,
+    ScanMode,
     find_descriptor,
 )
 from drivers.rplidar.scene import Source, Stream
@@ -102,10 +112,9 @@ def emulated_lidar(
     """
     if mode is not None and mode not in MODES:
         raise UsageError(f"scan mode {mode!r}: {nearest_names(mode, MODES)}")
-    spec = a2m8()
     if replay_file is None:
-        modes = spec.modes if mode is None else (MODES[mode],)
-        return RPLidarModel(replace(spec, modes=modes), source, usb_frame_ns=USB_FRAME_NS)
+        spec = a2m8() if mode is None else _offering(MODES[mode])
+        return RPLidarModel(spec, source, usb_frame_ns=USB_FRAME_NS)
     try:
         answer, data = read_capture(replay_file)
     except (OSError, ValueError) as err:
@@ -113,9 +122,12 @@ def emulated_lidar(
     only = MODES[mode or STANDARD.name] if answer is None else _MODE_OF_ANSWER[answer]
     if mode is not None and MODES[mode].answer == only.answer:
         only = MODES[mode]
+    spec = _offering(only)
     chunks = paced(data, ANSWER_BYTES[Answer(only.answer)], spec.baud)
-    return RPLidarModel(
-        replace(spec, modes=(only,)),
-        replay=replay(chunks, loop=loop),
-        usb_frame_ns=USB_FRAME_NS,
-    )
+    return RPLidarModel(spec, replay=replay(chunks, loop=loop), usb_frame_ns=USB_FRAME_NS)
+
+
+def _offering(mode: ScanMode) -> LidarSpec:
+    """A lidar with this mode only, which every host then takes; dense scans need a faster line."""
+    spec = a2m8()
+    return replace(spec, modes=(mode,), baud=256000 if mode is DENSE else spec.baud)

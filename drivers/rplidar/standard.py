@@ -65,6 +65,7 @@ class StandardDecoder:
             if not self._locked:
                 found, self._locked = _search(buffer, at, self._skipped, at_end)
                 self._skipped += found - at
+                self.bad_bytes += found - at
                 at = found
                 if not self._locked:
                     break
@@ -78,14 +79,13 @@ class StandardDecoder:
             if good == nodes:
                 break
             self._locked, self._skipped = False, 0
+            self.bad_frames += 1
         self._tail = buffer[at:]
         return joined(pieces)
 
     def _settle(self, buffer: bytes, at: int) -> None:
         """Account for what lies between the last good node and the one at `at`."""
         nodes, rest = divmod(self._skipped, NODE_BYTES)
-        self.bad_bytes += self._skipped
-        self.bad_frames += nodes + (rest > 0)
         self.lost_samples += nodes + (rest > 0)
         self._next_index += nodes + (rest > 0)
         angle = _angle(buffer, at)

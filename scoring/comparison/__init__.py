@@ -14,7 +14,7 @@ from scoring.comparison.compare import (
 )
 from scoring.comparison.reading import read_runs, read_table
 from scoring.comparison.runs import COLUMNS, Run, Runs, total_of, with_totals
-from scoring.comparison.statistics import Bootstrap, Interval
+from scoring.comparison.statistics import Bootstrap, Interval, interval, mean
 
 __all__ = [
     "COLUMNS",
@@ -28,6 +28,8 @@ __all__ = [
     "Runs",
     "Summary",
     "compare",
+    "interval",
+    "mean",
     "members",
     "read_runs",
     "read_table",

@@ -99,8 +99,11 @@ def detect_cones(
     a gap, the car is taken to stand still during the revolution. `advance` is told how many
     revolutions were done. Deterministic; raises nothing for whatever the beams say.
     """
-    extractor = _Extractor(config, odometry)
-    stamps = _revolution_stamps(scans)
+    extractor = ConeExtractor(config, odometry)
+    stamps = [
+        revolution_stamp(int(t_ns), scans.beam_t_ns[start:stop])
+        for t_ns, start, stop in zip(scans.t_ns, scans.starts[:-1], scans.starts[1:], strict=True)
+    ]
     kept = _longest_increasing([stamp for stamp, _ in stamps])
     rows: list[tuple[int, Floats, Floats]] = []
     for k in kept:
@@ -114,8 +117,11 @@ def detect_cones(
     return _joined(rows, extractor.report(revolutions=total, out_of_order=total - len(kept)))
 
 
-class _Extractor:
-    """Configuration and odometry as the kernels take them, and the counts so far."""
+class ConeExtractor:
+    """Configuration and odometry as the kernels take them, and the counts so far.
+
+    odometry : of the time around the next revolution; may be replaced at any time.
+    """
 
     def __init__(self, config: ConeConfig, odometry: Odometry | None) -> None:
         self.count: Counter[str] = Counter()
@@ -127,7 +133,7 @@ class _Extractor:
         self._rule = _rule_array(config)
         self._nearest_m = config.min_range_m
         self._furthest_m = math.inf if config.see_walls else config.max_range_m
-        self._odometry = odometry if odometry is not None and odometry.t_ns.size > 1 else None
+        self.odometry = odometry
 
     def cones(
         self, stamp_ns: int, beam_t_ns: Stamps | None, range_m: Floats, bearing_rad: Floats
@@ -166,12 +172,13 @@ class _Extractor:
 
     def _motion(self, beam_t_ns: Stamps) -> tuple[Stamps, Floats]:
         """Odometry rows around the revolution; two equal poses where there is none to trust."""
-        if beam_t_ns.size and self._odometry is not None:
-            t_ns, start, end = self._odometry.t_ns, int(beam_t_ns.min()), int(beam_t_ns.max())
+        driven = self.odometry
+        if beam_t_ns.size and driven is not None and driven.t_ns.size > 1:
+            t_ns, start, end = driven.t_ns, int(beam_t_ns.min()), int(beam_t_ns.max())
             low = max(int(np.searchsorted(t_ns, start, side="right")) - 1, 0)
             rows = slice(min(low, t_ns.size - 2), int(np.searchsorted(t_ns, end)) + 1)
-            if _usable(t_ns[rows], self._odometry.pose_odom_base[rows], start, end):
-                return t_ns[rows], self._odometry.pose_odom_base[rows]
+            if _usable(t_ns[rows], driven.pose_odom_base[rows], start, end):
+                return t_ns[rows], driven.pose_odom_base[rows]
         return _STILL
 
 
@@ -215,18 +222,14 @@ def _usual_spacing(bearing_rad: Floats) -> float:
     return float(gaps[gaps.size // 2])
 
 
-def _revolution_stamps(scans: Scans) -> list[tuple[int, bool]]:
-    """The middle of each revolution, and whether its beams' own times can be trusted.
+def revolution_stamp(t_ns: int, beam_t_ns: Stamps) -> tuple[int, bool]:
+    """The middle of a revolution, and whether its beams' own times can be trusted.
 
-    Where they cannot, the stamp of the message stands for all.
+    Where they cannot, the stamp of the message `t_ns` stands for all.
     """
-    stamps = []
-    for k, first in enumerate(scans.starts[:-1].tolist()):
-        times = scans.beam_t_ns[first : int(scans.starts[k + 1])]
-        start, end = (int(times.min()), int(times.max())) if times.size else (0, 0)
-        trusted = times.size > 0 and end - start <= MAX_REVOLUTION_S * 1e9
-        stamps.append(((start + end) // 2 if trusted else int(scans.t_ns[k]), trusted))
-    return stamps
+    start, end = (int(beam_t_ns.min()), int(beam_t_ns.max())) if beam_t_ns.size else (0, 0)
+    trusted = beam_t_ns.size > 0 and end - start <= MAX_REVOLUTION_S * 1e9
+    return ((start + end) // 2 if trusted else t_ns), trusted
 
 
 def _longest_increasing(stamps: list[int]) -> list[int]:

@@ -3,33 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from slam.config import UNLIMITED, MotionNoise, ObservationNoise
-
-
-@dataclass(frozen=True, kw_only=True)
-class Removal:
-    """How landmarks that are not where they should be leave the map again.
-
-    Every landmark of every particle carries evidence: a counter, or log-odds that it exists
-    (Thrun, Burgard, Fox 2005, table 13.1 and section 13.6). A miss counts only where the sensor
-    would have seen it: between `seen_from_m` and `seen_to_m`. Nearer it is blind (a close cone has
-    more hits than a cone may have), further off it sees some and misses some.
-    """
-
-    seen_from_m: float = field(metadata={"min": 0.0})
-    seen_to_m: float = field(metadata={"min": 0.0})
-    start: float
-    """Evidence of a landmark that was seen once."""
-    hit: float = field(metadata={"min": 0.0})
-    """Added whenever it is seen."""
-    miss: float = field(metadata={"min": 0.0})
-    """Taken whenever it should have been seen and was not; 0 never removes."""
-    most: float = UNLIMITED
-    """Evidence is not gathered beyond this, so that an old landmark can still be disproved."""
-    below: float = 0.0
-    """A landmark with less is removed."""
+from slam.config import (
+    ROBUST_LANDMARKS,
+    ROBUST_MOTION,
+    ROBUST_OBSERVATION,
+    UNLIMITED,
+    LandmarkRules,
+    MotionNoise,
+    ObservationNoise,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +26,6 @@ class FastSlamConfig:
 
     motion: MotionNoise
     observation: ObservationNoise
-    removal: Removal
     particles: int = field(metadata={"min": 1, "max": 100_000})
     new_density_per_m_rad: float = field(metadata={"min": 1e-300})
     """Likelihood of an observation that belongs to no landmark: p0 of table 13.1.
@@ -61,11 +44,9 @@ class FastSlamConfig:
     resample_below: float = field(default=1.0, metadata={"min": 0.0, "max": 1.0})
     """Effective particles, as a share of all, from which on the cloud is resampled; 1 always."""
     min_seen: int = field(default=1, metadata={"min": 1})
-    """A landmark is confirmed, and reported, once it was seen this often."""
-    same_place_m: float = field(default=0.15, metadata={"min": 0.0})
-    """Landmarks added and removed this near to one tell when it was first seen."""
-    max_landmarks: int = field(default=256, metadata={"min": 1, "max": 100_000})
-    """Of one particle; further ones are refused and counted."""
+    """A landmark is reported once it was seen this often."""
+    landmarks: LandmarkRules = field(default_factory=LandmarkRules)
+    """Of each particle's map."""
     max_observations: int = field(default=128, metadata={"min": 1, "max": 10_000})
     """Of one scan; of more the nearest are used, the rest counted as rejected."""
     path_period_s: float = field(default=0.05, metadata={"min": 0.0})
@@ -73,11 +54,25 @@ class FastSlamConfig:
 
 
 _SQRT_15_HZ = math.sqrt(15.0)
-_DETECTION, _FALSE_ALARM = 0.7, 0.05
+# A counter as in table 13.1 of Probabilistic Robotics: from 1, up and down by 1, removed below 0.
+# Such are the log-odds of a sensor as likely to miss what is there as to be mistaken; halfway to
+# the next count no rounding matters.
+_MISTAKEN = 1.0 / (1.0 + math.e)
+_COUNTER = LandmarkRules(
+    start_log_odds=1.0,
+    remove_below_log_odds=-0.5,
+    max_log_odds=UNLIMITED,
+    detection_probability=1.0 - _MISTAKEN,
+    false_match_probability=_MISTAKEN,
+    far_certain_m=1.25,
+    far_possible_m=1.25,
+    max_landmarks=256,
+    same_place_m=0.15,
+)
 
 FASTSLAM_PRESETS = {
     # Thesis section 3.2.4, Eq. 3.12, as standard deviations in m and degrees per 15 Hz update; p0
-    # in m*rad. Counter as in table 13.1: from 1, up and down by 1, removed below 0.
+    # in m*rad, perceptual range 1.25 m.
     "thesis": FastSlamConfig(
         motion=MotionNoise(
             xy_sigma_m_per_sqrt_s=0.008 * _SQRT_15_HZ,
@@ -85,37 +80,16 @@ FASTSLAM_PRESETS = {
             at_rest=True,
         ),
         observation=ObservationNoise(range_sigma_m=0.04, bearing_sigma_rad=math.radians(1.0)),
-        removal=Removal(seen_from_m=0.0, seen_to_m=1.25, start=1.0, hit=1.0, miss=1.0),
+        landmarks=_COUNTER,
         particles=2000,
         new_density_per_m_rad=1.0,
     ),
-    # Evidence is the log-odds of a sensor that sees 70 % of the cones where it sees them well and
-    # is mistaken in 5 %; the zone is where the thesis' lidar has 4 to 10 hits for certain.
     # 500 particles: on the laps of tests/slam/fastslam_reference.py 100 to 1000 are alike in mean
     # error (3.1 to 3.5 cm, 20 seeds); from 500 on no lap in twenty was off by more than 7.5 cm.
     # 0.05 per m and rad is one clutter or new cone in two scans over 2 m and the full circle.
     "robust": FastSlamConfig(
-        # More noise in turning than the EKF's: what no particle proposes can never be found.
-        motion=MotionNoise(
-            xy_sigma_m_per_sqrt_s=0.01,
-            heading_sigma_rad_per_sqrt_s=0.03,
-            alpha1=0.1,
-            alpha2_rad2_per_m2=0.005,
-            alpha3=0.02,
-            alpha4_m2_per_rad2=0.0005,
-        ),
-        observation=ObservationNoise(
-            range_sigma_m=0.04, bearing_sigma_rad=math.radians(1.0), range_sigma_per_m=0.05
-        ),
-        removal=Removal(
-            seen_from_m=0.58,
-            seen_to_m=1.43,
-            start=0.0,
-            hit=math.log(_DETECTION / _FALSE_ALARM),
-            miss=math.log((1.0 - _FALSE_ALARM) / (1.0 - _DETECTION)),
-            most=8.0,
-            below=-2.0,
-        ),
+        motion=ROBUST_MOTION,
+        observation=ROBUST_OBSERVATION,
         particles=500,
         new_density_per_m_rad=0.05,
         accept_gate=9.21,
@@ -123,6 +97,7 @@ FASTSLAM_PRESETS = {
         innovation_gate=100.0,
         tail_gate=5.991,
         resample_below=0.5,
-        min_seen=6,
+        min_seen=3,
+        landmarks=replace(ROBUST_LANDMARKS, max_landmarks=256),
     ),
 }

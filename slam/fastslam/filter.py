@@ -9,7 +9,8 @@ import numpy.typing as npt
 
 from capture import EstimatedMap
 from geometry import Floats, LandmarkMap
-from slam import motion
+from slam import landmarks, motion
+from slam.eyesight import new_eye
 from slam.fastslam import kernels
 from slam.fastslam.births import Births
 from slam.fastslam.cloud import (
@@ -21,7 +22,7 @@ from slam.fastslam.cloud import (
     offspring,
     resample,
 )
-from slam.fastslam.config import FastSlamConfig
+from slam.fastslam.config import FASTSLAM_PRESETS, FastSlamConfig
 from slam.fastslam.scan import (
     IGNORED,
     NEW,
@@ -32,7 +33,7 @@ from slam.fastslam.scan import (
     Scan,
     new_scratch,
 )
-from slam.interface import UpdateReport
+from slam.interface import Algorithm, UpdateReport
 
 FASTSLAM_ASSOCIATIONS = ("known", "likelihood")
 _DRAWS_AT_ONCE = 1 << 18
@@ -53,7 +54,7 @@ class FastSlam:
     def __init__(self, config: FastSlamConfig, association: str, seed: int = 0) -> None:
         self.config, self.association = config, association
         self._random = np.random.Generator(np.random.PCG64(seed))
-        self._cloud = new_cloud(config.particles, min(32, config.max_landmarks))
+        self._cloud = new_cloud(config.particles, min(32, config.landmarks.max_landmarks))
         self._weights = np.full(config.particles, 1.0 / config.particles)
         self._motion_noise = motion.noise_array(config.motion)
         self._pose: Floats = np.zeros(3)
@@ -63,6 +64,9 @@ class FastSlam:
         self._removed = np.zeros(config.particles, dtype=np.int32)
         self._best = 0
         self._largest_variance = 0.0
+        self._landmark_rules, self._eye = landmarks.rules_array(config.landmarks), new_eye()
+        absence_counts = config.landmarks.detection_probability > 0.0
+        self._reach_m = config.landmarks.far_possible_m if absence_counts else 0.0
 
     @property
     def pose(self) -> Floats:
@@ -134,7 +138,7 @@ class FastSlam:
             slot = self._slot_of.get(landmark, NEW)
             if landmark < 0 or landmark in seen:
                 slot = IGNORED
-            elif slot == NEW and len(self._slot_of) == self.config.max_landmarks:
+            elif slot == NEW and len(self._slot_of) == self.config.landmarks.max_landmarks:
                 slot = REFUSED
             elif slot == NEW:
                 self._slot_of[landmark] = len(self._slot_of)
@@ -146,10 +150,12 @@ class FastSlam:
         """Let every particle see the scan; gives what the then best one made of it, (m,)."""
         m, config = range_m.size, self.config
         scan = self._scan(range_m, bearing_rad)
-        needed = min(int(self._cloud.landmarks.max()) + m, config.max_landmarks)
+        needed = min(int(self._cloud.landmarks.max()) + m, config.landmarks.max_landmarks)
         if needed > self._cloud.evidence.shape[1]:
             twice = 2 * self._cloud.evidence.shape[1]
-            self._cloud = grown(self._cloud, min(max(needed, twice), config.max_landmarks))
+            self._cloud = grown(
+                self._cloud, min(max(needed, twice), config.landmarks.max_landmarks)
+            )
         decisions = np.empty((config.particles, m), dtype=np.int32)
         added = np.zeros(m, dtype=np.bool_)
         kernels.update(
@@ -185,11 +191,12 @@ class FastSlam:
             log_peak=log_peak,
             likely=likely,
             widest=np.maximum(np.minimum(self.config.accept_gate, likely), self.config.spawn_gate),
+            gain=landmarks.gains(range_m, self._landmark_rules),
         )
 
     def _rules(self, scan: Scan) -> Rules:
-        config, removal = self.config, self.config.removal
-        reach_m = removal.seen_to_m
+        config = self.config
+        reach_m = self._reach_m
         if scan.range_m.size:
             self._largest_variance = max(
                 self._largest_variance, scan.var_along.max(), scan.var_across.max()
@@ -205,14 +212,11 @@ class FastSlam:
             tail=config.tail_gate,
             log_new=math.log(config.new_density_per_m_rad),
             reach_m=reach_m,
-            seen_from_m=removal.seen_from_m,
-            seen_to_m=removal.seen_to_m,
-            start=removal.start,
-            hit=removal.hit,
-            miss=removal.miss,
-            most=removal.most,
-            below=removal.below,
-            max_landmarks=config.max_landmarks,
+            landmarks=self._landmark_rules,
+            eye=self._eye.copy(),
+            next_eye=self._eye,
+            observer=self._best,
+            max_landmarks=config.landmarks.max_landmarks,
         )
 
     def _weigh_and_resample(self) -> None:
@@ -232,7 +236,10 @@ class FastSlam:
         """The confirmed landmarks of the best particle, with covariances given its path."""
         cloud, best = self._cloud, self._best
         used = np.arange(cloud.landmarks[best])
-        used = used[cloud.seen[best, used] >= self.config.min_seen]
+        believed = cloud.seen[best, used] >= self.config.min_seen
+        if self.association != "known":
+            believed &= cloud.evidence[best, used] >= self.config.landmarks.confirm_log_odds
+        used = used[believed]
         births = cloud.birth[best, used]
         xx, xy, yy = cloud.covariance[best, used].T
         positions = np.stack([cloud.landmark_x[best, used], cloud.landmark_y[best, used]], axis=1)
@@ -246,5 +253,10 @@ class FastSlam:
             added_from=record.car,
             range_added_m=record.range_m,
             n_seen=cloud.seen[best, used].astype(np.int64),
-            t_first_ns=self._births.first_near(positions, record.t_ns, self.config.same_place_m),
+            t_first_ns=self._births.first_near(
+                positions, record.t_ns, self.config.landmarks.same_place_m
+            ),
         )
+
+
+FASTSLAM = Algorithm(FASTSLAM_PRESETS, FASTSLAM_ASSOCIATIONS, FastSlam)

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from geometry import Floats
 from slam.fastslam.association import associate, landmarks_within_reach
 from slam.fastslam.cloud import Cloud
+from slam.fastslam.evidence import absences
 from slam.fastslam.scan import (
     NEW,
     REFUSED,
@@ -28,6 +29,7 @@ from slam.fastslam.scan import (
     squared_distance,
 )
 from slam.kernels import kernel
+from slam.landmarks import CLUTTER, DETECTION, MOST, REMOVE_BELOW, START, loss
 
 
 @kernel
@@ -62,12 +64,19 @@ def update(
             within = landmarks_within_reach(cloud, p, rules.reach_m, scratch)
             associate(cloud, p, scan, rules, scratch, within, chosen)
             _filter(cloud, p, scan, rules, scratch.place, chosen, birth, added)
-            if rules.miss > 0.0:
-                removed[p] = _miss(cloud, p, rules, scratch, within)
+            if rules.landmarks[DETECTION] > 0.0:
+                removed[p] = absences(cloud, p, scan, rules, scratch, within)
         for i in range(chosen.size):
             if chosen[i] == NEW and cloud.landmarks[p] < rules.max_landmarks:
                 cloud.landmarks[p] += 1
-                _put(cloud, p, cloud.landmarks[p] - 1, scratch.place[i], rules.start, birth + i)
+                _put(
+                    cloud,
+                    p,
+                    cloud.landmarks[p] - 1,
+                    scratch.place[i],
+                    rules.landmarks[START],
+                    birth + i,
+                )
                 added[i] = True
             elif chosen[i] == NEW:
                 chosen[i] = REFUSED
@@ -122,12 +131,19 @@ def _filter(
         rxx, rxy, ryy = f * rxx, f * rxy, f * ryy
         if f > 1.0:
             distance, determinant = squared_distance(dx, dy, xx + rxx, xy + rxy, yy + ryy)
-        _learn(cloud, p, j, _fused(dx, dy, xx, xy, yy, rxx, rxy, ryy), rules.hit, rules.most)
-        log_weight += scan.log_peak[i] - 0.5 * distance
-        ratios *= determinant / (scan.var_along[i] * scan.var_across[i])
-        if ratios > 1e200:  # one logarithm for all, before they overflow
-            log_weight -= 0.5 * math.log(ratios)
-            ratios = 1.0
+        likelihood = scan.log_peak[i] - 0.5 * distance
+        ratio = determinant / (scan.var_along[i] * scan.var_across[i])
+        hit = scan.gain[i]
+        if rules.landmarks[CLUTTER] > 0.0:
+            likelihood -= 0.5 * math.log(ratio)
+            hit += likelihood
+        else:
+            ratios *= ratio
+            if ratios > 1e200:  # one logarithm for all, before they overflow
+                log_weight -= 0.5 * math.log(ratios)
+                ratios = 1.0
+        _learn(cloud, p, j, _fused(dx, dy, xx, xy, yy, rxx, rxy, ryy), hit, rules.landmarks[MOST])
+        log_weight += likelihood
     cloud.log_weight[p] += log_weight - 0.5 * math.log(ratios)
 
 
@@ -172,46 +188,12 @@ def _learn(
 @kernel
 def _contradict(cloud: Cloud, p: int, j: int, place: Floats, rules: Rules, birth: int) -> bool:
     """Evidence against a landmark; when it is enough it is placed anew, and True."""
-    cloud.evidence[p, j] -= rules.miss
-    if cloud.evidence[p, j] >= rules.below:
+    law = rules.landmarks
+    cloud.evidence[p, j] -= loss(law[DETECTION], law)
+    if cloud.evidence[p, j] >= law[REMOVE_BELOW]:
         return False
-    _put(cloud, p, j, place, rules.start, birth)
+    _put(cloud, p, j, place, law[START], birth)
     return True
-
-
-@kernel
-def _miss(cloud: Cloud, p: int, rules: Rules, scratch: Scratch, within: int) -> int:
-    """Evidence against the landmarks that should have been seen; those with too little go.
-
-    Gives how many went.
-    """
-    removed = 0
-    nearest, farthest = rules.seen_from_m**2, rules.seen_to_m**2
-    # From the back, so that the last landmark, moved into the gap, has been judged already.
-    for t in range(within - 1, -1, -1):
-        if scratch.busy[t] or not nearest <= scratch.square_m2[t] <= farthest:
-            continue
-        j = scratch.near[t]
-        cloud.evidence[p, j] -= rules.miss
-        if cloud.evidence[p, j] < rules.below:
-            _remove(cloud, p, j)
-            removed += 1
-    return removed
-
-
-@kernel
-def _remove(cloud: Cloud, p: int, j: int) -> None:
-    """Move the last landmark, with everything known of it, into the place of j."""
-    last = cloud.landmarks[p] - 1
-    cloud.landmark_x[p, j] = cloud.landmark_x[p, last]
-    cloud.landmark_y[p, j] = cloud.landmark_y[p, last]
-    cloud.covariance[p, j, 0] = cloud.covariance[p, last, 0]
-    cloud.covariance[p, j, 1] = cloud.covariance[p, last, 1]
-    cloud.covariance[p, j, 2] = cloud.covariance[p, last, 2]
-    cloud.evidence[p, j] = cloud.evidence[p, last]
-    cloud.seen[p, j] = cloud.seen[p, last]
-    cloud.birth[p, j] = cloud.birth[p, last]
-    cloud.landmarks[p] = last
 
 
 @kernel

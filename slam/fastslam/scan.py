@@ -23,7 +23,8 @@ class Scan(NamedTuple):
     cos, sin : of the bearing; var_along, var_across : m2, along the line of sight and across it;
     log_peak : log density per m and rad of an exact hit on a landmark known exactly; likely :
     squared distance, plus log(det S / det R), up to which a landmark is likelier than a new one;
-    widest : squared distance that matters at all.
+    widest : squared distance that matters at all; gain : what a sighting is worth as evidence, from
+    `slam.landmarks.gain` for a log-likelihood of 0.
     """
 
     cos: Floats
@@ -34,10 +35,15 @@ class Scan(NamedTuple):
     log_peak: Floats
     likely: Floats
     widest: Floats
+    gain: Floats
 
 
 class Rules(NamedTuple):
-    """The thresholds of `FastSlamConfig` and its `Removal`, and how far to look for landmarks."""
+    """The thresholds of `FastSlamConfig`, and how far to look for landmarks.
+
+    landmarks : from `slam.landmarks.rules_array`; eye, next_eye : from `slam.eyesight.new_eye`, as
+    known before the scan and as learnt from it; observer : the particle whose landmarks teach it.
+    """
 
     accept: float
     spawn: float
@@ -45,13 +51,10 @@ class Rules(NamedTuple):
     tail: float
     log_new: float
     reach_m: float
-    seen_from_m: float
-    seen_to_m: float
-    start: float
-    hit: float
-    miss: float
-    most: float
-    below: float
+    landmarks: Floats
+    eye: Floats
+    next_eye: Floats
+    observer: int
     max_landmarks: int
 
 

@@ -15,7 +15,7 @@ from slam.errors import SlamError
 from slam.smoothing.config import SmoothingConfig
 from slam.smoothing.kernels import CAUCHY, HUBER, NO_LOSS, Factors, chain_motions
 
-_LOSSES = {"none": NO_LOSS, "huber": HUBER, "cauchy": CAUCHY}
+LOSSES = {"none": NO_LOSS, "huber": HUBER, "cauchy": CAUCHY}
 _LEAST_MOTION_SIGMA = 1e-5
 """Metres and radians between two poses that the odometry calls the same: they stay apart from
 being one only so that one kind of equation serves all."""
@@ -69,8 +69,8 @@ def problem_of(
         _rows(ids, associations[used]),
         observations.range_m[used],
         observations.bearing_rad[used],
-        _information(observations.range_m[used], config.observation),
-        _LOSSES[config.loss],
+        sight_information(observations.range_m[used], config.observation),
+        LOSSES[config.loss],
         config.loss_scale,
     )
     poses = path.interpolated(node_ns).poses
@@ -162,11 +162,16 @@ def _motions(driven: Trajectory, node_ns: Stamps, noise: Floats) -> tuple[Floats
         np.searchsorted(t_ns, node_ns).astype(np.int64),
         noise,
     )
+    return motions, motion_information(covariances)
+
+
+def motion_information(covariances: Floats) -> Floats:
+    """(K, 3, 3): what motions of these covariances tell."""
     information = np.linalg.inv(covariances + _LEAST_MOTION_SIGMA**2 * np.eye(3))
-    return motions, information.astype(np.float64)
+    return information.astype(np.float64)
 
 
-def _information(range_m: Floats, noise: ObservationNoise) -> Floats:
+def sight_information(range_m: Floats, noise: ObservationNoise) -> Floats:
     """(m, 2): one over the variances of range and bearing."""
     var_r = noise.range_sigma_m**2 + (noise.range_sigma_per_m * range_m) ** 2
     var_b = np.full(range_m.size, noise.bearing_sigma_rad**2)

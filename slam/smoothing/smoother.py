@@ -30,7 +30,7 @@ _COLUMNS_AT_ONCE = 64
 
 
 @dataclass(frozen=True, eq=False)
-class _Solution:
+class Solution:
     """Where Levenberg-Marquardt came to rest."""
 
     poses: Floats
@@ -56,7 +56,7 @@ def smooth(
     solution can be found.
     """
     problem = problem_of(estimate, odometry, observations, associations, config)
-    solution = _minimised(problem, config)
+    solution = minimised(problem.poses, problem.landmarks, problem.factors, config)
     normal = kernels.linearise(solution.poses, solution.landmarks, problem.factors)
     pose_covariances, landmark_covariances = _marginals(normal, problem)
     path, path_covariances = path_between(problem, solution.poses, pose_covariances)
@@ -71,7 +71,7 @@ def smooth(
     )
 
 
-def _told(problem: Problem, solution: _Solution, config: SmoothingConfig) -> dict[str, object]:
+def _told(problem: Problem, solution: Solution, config: SmoothingConfig) -> dict[str, object]:
     return {
         "config": asdict(config),
         "iterations": solution.iterations,
@@ -83,9 +83,13 @@ def _told(problem: Problem, solution: _Solution, config: SmoothingConfig) -> dic
     }
 
 
-def _minimised(problem: Problem, config: SmoothingConfig) -> _Solution:
-    """Levenberg-Marquardt: damping falls with every step that lowers the cost, and rises else."""
-    poses, landmarks, factors = problem.poses, problem.landmarks, problem.factors
+def minimised(
+    poses: Floats, landmarks: Floats, factors: kernels.Factors, config: SmoothingConfig
+) -> Solution:
+    """Where poses (K + 1, 3) and landmarks (n, 2) contradict the factors least, from these on.
+
+    Levenberg-Marquardt: damping falls with every step that lowers the cost, and rises else.
+    """
     cost, damping = kernels.cost(poses, landmarks, factors), _FIRST_DAMPING
     for iteration in range(1, config.max_iterations + 1):
         step = _step(kernels.linearise(poses, landmarks, factors), factors, damping)
@@ -104,8 +108,8 @@ def _minimised(problem: Problem, config: SmoothingConfig) -> _Solution:
         else:
             damping *= 10.0
         if settled:
-            return _Solution(poses, landmarks, cost, iteration, True)
-    return _Solution(poses, landmarks, cost, config.max_iterations, False)
+            return Solution(poses, landmarks, cost, iteration, True)
+    return Solution(poses, landmarks, cost, config.max_iterations, False)
 
 
 def _step(

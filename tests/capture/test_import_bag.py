@@ -16,7 +16,14 @@ from capture.bag_reader import BagTopic
 from capture.bag_roles import assigned_roles
 from capture.import_bag import import_bag
 from capture.messages import header, odometry_messages, serialised, typestore
-from capture.topics import IMU_TYPE, ODOMETRY_TYPE, POSE_TYPE, SCAN_TYPE, VESC_STATE_TYPE
+from capture.topics import (
+    IMU_TYPE,
+    ODOMETRY_TYPE,
+    POINTS_TYPE,
+    POSE_TYPE,
+    SCAN_TYPE,
+    VESC_STATE_TYPE,
+)
 from dialogue import UsageError
 
 if TYPE_CHECKING:
@@ -200,6 +207,14 @@ def roles(names: dict[str, str], wishes: dict[str, str] | None = None) -> dict[s
 )
 def test_roles_follow_from_type_and_name(topic: str, kind: str, role: str) -> None:
     assert roles({topic: kind, "/other": OTHER}) == {topic: role}
+
+
+def test_a_cloud_is_taken_from_its_own_topic_or_when_asked_for() -> None:
+    clouds = {"/lidar/points": POINTS_TYPE, "/zed2/point_cloud/cloud_registered": POINTS_TYPE}
+    assert roles(clouds) == {"/lidar/points": "points"}
+    assert roles(clouds, {"points": "none"}) == {}
+    wish = {"points": "/zed2/point_cloud/cloud_registered"}
+    assert roles(clouds, wish) == {"/zed2/point_cloud/cloud_registered": "points"}
 
 
 def test_a_pose_is_truth_only_when_it_is_called_so() -> None:

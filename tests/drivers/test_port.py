@@ -3,12 +3,20 @@ from __future__ import annotations
 import os
 import pty
 import stat
-from collections.abc import Iterator
+import termios
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
-from drivers import PortBusyError, PortDeniedError, PortError, PortMissingError, SerialPort
+from drivers import (
+    DeviceLostError,
+    PortBusyError,
+    PortDeniedError,
+    PortError,
+    PortMissingError,
+    SerialPort,
+)
 
 
 @pytest.fixture
@@ -72,3 +80,35 @@ def test_a_chunk_is_stamped_when_it_was_read(terminal: tuple[int, str]) -> None:
     port.set_baud(115200)
     port.close()
     port.close()
+
+
+def test_a_line_that_a_port_has_not_is_no_obstacle_and_stays_after_closing(
+    terminal: tuple[int, str],
+) -> None:
+    _, path = terminal
+    port = SerialPort(path, dtr=False)
+    keeper = os.open(path, os.O_RDWR | os.O_NOCTTY)
+    port.set_dtr(True)
+    port.close()
+    # Without HUPCL the system leaves the lines of a real port as they are when it is closed.
+    assert not termios.tcgetattr(keeper)[2] & termios.HUPCL
+    os.close(keeper)
+
+
+ASK: list[Callable[[SerialPort], object]] = [
+    lambda port: port.read(0.0),
+    lambda port: port.write(b"x"),
+    lambda port: port.set_baud(57600),
+    lambda port: port.set_dtr(True),
+]
+
+
+@pytest.mark.parametrize("ask", ASK)
+def test_a_closed_port_is_a_lost_device_whatever_is_asked(
+    terminal: tuple[int, str], ask: Callable[[SerialPort], object]
+) -> None:
+    _, path = terminal
+    port = SerialPort(path)
+    port.close()
+    with pytest.raises(DeviceLostError, match=path):
+        ask(port)

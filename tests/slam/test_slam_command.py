@@ -128,6 +128,27 @@ def test_fastslam_is_repeatable_by_its_seed(session: Path) -> None:
     assert (provenance["algorithm"], provenance["seed"]) == ("fastslam", 3)
 
 
+@pytest.mark.parametrize("name", ["ekf-fej", "ukf", "fastslam2", "smoother"])
+def test_each_algorithm_makes_an_estimate_that_tells_how(session: Path, name: str) -> None:
+    done = run(session, "--algorithm", name, "--set", "observation.range_sigma_m=0.02")
+    assert done.exit_code == 0, done.exception
+    estimate = Session.open(session).estimate(name)
+    assert estimate.map is not None
+    np.testing.assert_allclose(estimate.map.landmarks.positions, [[2, 1], [2, -1]], atol=0.1)
+    told = estimate.provenance
+    assert (told["algorithm"], told["preset"], told["seed"]) == (name, "robust", 0)
+    assert isinstance(told["config"], dict)
+    assert told["config"]["observation"]["range_sigma_m"] == 0.02
+    assert "distribution" not in told
+
+
+@pytest.mark.parametrize("name", ["fastslam2", "smoother"])
+def test_the_thesis_ran_neither_of_these(session: Path, name: str) -> None:
+    refused = run(session, "--algorithm", name, "--preset", "thesis")
+    assert isinstance(refused.exception, UsageError)
+    assert "valid names: robust" in str(refused.exception)
+
+
 def test_smoothing_is_told_in_the_provenance(session: Path) -> None:
     assert run(session, "--smooth", "--name", "smoothed").exit_code == 0
     estimate = Session.open(session).estimate("smoothed")
@@ -138,10 +159,16 @@ def test_smoothing_is_told_in_the_provenance(session: Path) -> None:
     assert told["converged"] is True
 
 
-def test_smoothing_needs_to_know_whose_a_sighting_is(session: Path) -> None:
-    refused = run(session, "--smooth", "--association", "nearest")
-    assert isinstance(refused.exception, UsageError)
-    assert "--association known" in str(refused.exception)
+def test_smoothing_without_names_finds_out_whose_a_sighting_is(session: Path) -> None:
+    done = run(session, "--smooth", "--association", "nearest", "--name", "unnamed")
+    assert done.exit_code == 0, done.output
+    estimate = Session.open(session).estimate("unnamed")
+    assert estimate.map is not None
+    found = estimate.map.landmarks.positions
+    np.testing.assert_allclose(found[np.argsort(-found[:, 1])], [[2, 1], [2, -1]], atol=1e-6)
+    told = estimate.provenance["smoothing"]
+    assert isinstance(told, dict)
+    assert told["unnamed"]["log_likelihood"] > 0.0
 
 
 def test_the_range_of_the_cone_finder_is_explained_without_a_session() -> None:

@@ -19,7 +19,7 @@ from drivers.imu.razor.protocol import (
     MillisClock,
     RazorDecoder,
 )
-from drivers.imu.razor.setting import Setting, bring_to_wish
+from drivers.imu.razor.setting import RATE_HZ, Setting, bring_to_wish
 from drivers.imu.razor.talk import USB_BAUD, Firmware, Talk, recognise
 from drivers.imu.sample import ImuSample
 from drivers.port import Port, SerialPort, drain
@@ -185,6 +185,7 @@ def _default_identity(setting: Setting) -> dict[str, object]:
     return {
         "model": "Razor IMU M0 (MPU-9250)",
         "firmware": Firmware.DEFAULT.value,
+        "rate_hz": RATE_HZ,
         "columns": asdict(setting.columns),
         "accel_range_g": setting.accel_range_g,
         "accel_range": accel if setting.certain_accel else f"{accel} (likely: it moved at start)",

@@ -42,7 +42,11 @@ def test_what_makes_a_recording_bad(stream: StreamFacts, why: str) -> None:
     [
         (replace(GOOD, longest_gap_s=0.6), "silent for 0.60 s"),
         (replace(GOOD, losses=Losses(bad_frames=2)), "2 bad frames"),
-        (replace(GOOD, losses=Losses(disconnects=1)), "1 times gone and back"),
+        (
+            replace(GOOD, losses=Losses(disconnects=1, last_error="cable")),
+            "gone once, at last because cable",
+        ),
+        (replace(GOOD, losses=Losses(disconnects=3)), "gone 3 times"),
         (replace(GOOD, losses=Losses(lost_samples=5)), "5 samples lost by the device"),
         (replace(GOOD, losses=Losses(timeouts=5)), "5 questions without an answer"),
     ],

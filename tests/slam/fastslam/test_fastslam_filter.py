@@ -8,8 +8,9 @@ import pytest
 from fastslam_reference import BEARING_SIGMA_RAD, laps, polar_update, ring, seen_from
 
 from geometry import Floats, wrap
-from slam.config import MotionNoise, ObservationNoise
-from slam.fastslam.config import FASTSLAM_PRESETS, FastSlamConfig, Removal
+from slam.config import PRESETS, LandmarkRules, MotionNoise, ObservationNoise
+from slam.ekf import EkfSlam
+from slam.fastslam.config import FASTSLAM_PRESETS, FastSlamConfig
 from slam.fastslam.filter import FastSlam
 
 STILL = MotionNoise(xy_sigma_m_per_sqrt_s=0.0, heading_sigma_rad_per_sqrt_s=0.0)
@@ -21,7 +22,9 @@ CONFIG = FastSlamConfig(
         heading_sigma_rad_per_sqrt_s=math.radians(0.5) * math.sqrt(15.0),
     ),
     observation=OBSERVATION,
-    removal=FASTSLAM_PRESETS["robust"].removal,
+    landmarks=dataclasses.replace(
+        FASTSLAM_PRESETS["robust"].landmarks, confirm_log_odds=0.0, learns_field_of_view=False
+    ),
     particles=50,
     new_density_per_m_rad=0.05,
     accept_gate=9.21,
@@ -188,6 +191,75 @@ def test_a_missed_landmark_goes_only_where_the_sensor_would_have_seen_it() -> No
     )
 
 
+def test_twins_become_one_and_the_one_seen_more_often_stays() -> None:
+    slam = FastSlam(still(), "likelihood")
+    see(slam, 0, np.array([[1.0, 0.0], [0.0, -1.0]]))
+    see(slam, 1, np.array([[1.0, 0.0], [0.0, -1.0]]))
+    slam._cloud.landmark_x[0, 2:4] = [1.1, 0.1]  # two more that no cone can be
+    slam._cloud.landmark_y[0, 2:4] = [0.0, -1.0]
+    slam._cloud.covariance[0, 2:4] = [1e-5, 0.0, 1e-5]
+    slam._cloud.seen[0, 2:4], slam._cloud.evidence[0, 2:4] = [1, 9], 5.0
+    slam._cloud.landmarks[0] = 4
+    report = slam.update(2, NO_IDS[:2], np.array([1.0, 1.0]), np.array([0.0, -math.pi / 2]))
+    assert (report.removed, slam._cloud.landmarks[0]) == (2, 2)
+    assert sorted(slam._cloud.seen[0, :2].tolist()) == [3, 9]
+
+
+def test_what_stands_behind_another_cone_may_be_hidden() -> None:
+    for radius, kept in ((0.1, 2), (0.0, 1)):
+        rules = dataclasses.replace(CONFIG.landmarks, occluder_radius_m=radius)
+        slam = FastSlam(still(landmarks=rules), "likelihood")
+        for t in range(5):
+            see(slam, t, np.array([[0.0, 0.7], [0.05, 1.3]]))
+        for t in range(5, 15):
+            see(slam, t, np.array([[0.0, 0.7]]))
+        assert len(slam.estimated_map()) == kept
+
+
+def test_outside_the_field_of_view_absence_is_no_evidence() -> None:
+    for angle, kept in ((1.0, 1), (math.tau, 0)):
+        rules = dataclasses.replace(CONFIG.landmarks, field_of_view_rad=angle)
+        slam = FastSlam(still(landmarks=rules), "likelihood")
+        see(slam, 0, np.array([[0.7, 0.7]]))
+        for t in range(1, 20):
+            slam.update(t, NO_IDS[:0], np.empty(0), np.empty(0))
+        assert len(slam.estimated_map()) == kept
+
+
+def test_evidence_is_weighed_as_by_the_ekf() -> None:
+    """One particle without doubt and an EKF without doubt are the same filter."""
+    still_ekf = dataclasses.replace(PRESETS["robust"], motion=STILL, tail_gate=1e9)
+    ekf = EkfSlam(still_ekf, "nearest")
+    fast = FastSlam(
+        dataclasses.replace(FASTSLAM_PRESETS["robust"], particles=1, motion=STILL, tail_gate=1e9),
+        "likelihood",
+    )
+    random = np.random.default_rng(4)
+    cones = np.array([[1.0, 0.1], [-0.9, 0.8], [0.2, -1.6]])
+    for t in range(12):
+        seen = random.random(3) < (1.0 if t == 0 else 0.7)
+        ranges, bearings = seen_from(np.zeros(3), cones[seen])
+        ranges = ranges + random.normal(0.0, 0.02, ranges.size)
+        for slam in (ekf, fast):
+            slam.update(t, NO_IDS[: ranges.size], ranges, bearings)
+        np.testing.assert_allclose(
+            fast._cloud.evidence[0, :3], ekf._records["log_odds"][:3], atol=0.05
+        )
+
+
+def test_the_thesis_counts_up_and_down_by_one() -> None:
+    config = dataclasses.replace(FASTSLAM_PRESETS["thesis"], motion=STILL, particles=1)
+    slam, cone = FastSlam(config, "likelihood"), np.array([[1.0, 0.0]])
+    for t in range(40):
+        see(slam, t, cone)
+    np.testing.assert_allclose(slam._cloud.evidence[0, 0], 40.0)
+    misses = 0
+    while slam._cloud.landmarks[0]:
+        slam.update(100, NO_IDS[:0], np.empty(0), np.empty(0))
+        misses += 1
+    assert misses == 41
+
+
 def test_removal_moves_everything_that_is_known_of_the_last_landmark() -> None:
     slam = FastSlam(still(), "likelihood")
     see(slam, 10, np.array([[1.0, 0.0]]))
@@ -292,8 +364,7 @@ def test_clutter_does_not_enter_the_map_of_robust_and_floods_that_of_the_thesis(
 def test_a_storm_of_clutter_is_bounded_and_counted() -> None:
     config = dataclasses.replace(
         CONFIG,
-        max_landmarks=40,
-        removal=Removal(seen_from_m=0.0, seen_to_m=1.0, start=0.0, hit=1.0, miss=0.0),
+        landmarks=LandmarkRules(max_landmarks=40),
     )
     for association in ("likelihood", "known"):
         slam, random = FastSlam(config, association), np.random.default_rng(0)
@@ -318,7 +389,7 @@ def test_values_that_are_no_numbers_are_counted_and_left_out() -> None:
 def test_the_presets_differ_where_the_documents_say() -> None:
     thesis, robust = FASTSLAM_PRESETS["thesis"], FASTSLAM_PRESETS["robust"]
     assert (thesis.particles, thesis.resample_below, thesis.min_seen) == (2000, 1.0, 1)
-    assert thesis.removal.seen_to_m == 1.25
+    assert thesis.landmarks.far_certain_m == 1.25
     assert thesis.motion.xy_sigma_m_per_sqrt_s / math.sqrt(15.0) == pytest.approx(0.008)
     assert robust.spawn_gate == 25.0
     assert robust.resample_below == 0.5

@@ -1,0 +1,1 @@
+"""Smoothing while driving: the whole past is solved anew (`slam.smoother.filter`)."""

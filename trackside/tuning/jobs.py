@@ -1,0 +1,153 @@
+"""One run of SLAM and its score, named by everything that decides the result."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+from capture import LogError, Session, TextFileError, software, write_text
+from dialogue import TracksideError
+from scoring import ERROR_NAMES, ScoreOptions, score
+from slam.algorithms import Request, estimate_session
+from slam.session_defaults import for_session
+
+_DECIDING_ROOMS = ("geometry", "capture", "slam", "scoring")
+_DECIDING_LIBRARIES = ("numpy", "numba", "scipy")
+
+
+@dataclass(frozen=True)
+class Job:
+    """A session (and the digest of its content), a request, the choices of the score.
+
+    software : of who made the job; a worker with another refuses it.
+    """
+
+    session: str
+    digest: str
+    request: Request
+    options: ScoreOptions
+    software: str
+
+    @property
+    def key(self) -> str:
+        """A name that is the same exactly where the result must be; the place does not matter."""
+        text = json.dumps(self.deciding(), sort_keys=True, default=str)
+        return hashlib.sha256(text.encode()).hexdigest()[:24]
+
+    def deciding(self) -> dict[str, object]:
+        """Everything that decides the result."""
+        return {
+            "session": self.digest,
+            "request": asdict(self.request),
+            "scoring": self.options.choices(),
+            "software": self.software,
+        }
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run scored: the Total (None where undefined) and the six errors; seconds of work."""
+
+    total: float | None
+    errors: Mapping[str, float | None]
+    work_s: float
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a run gave no score."""
+
+    why: str
+
+
+def run_job(job: Job) -> Outcome:
+    """Run SLAM and score it; writes nothing and says nothing.
+
+    Raises whatever SLAM and scoring raise, and `TracksideError` for a job of another software.
+    """
+    if job.software != full_software():
+        raise TracksideError(
+            f"this worker runs {full_software()}, the job was made by {job.software}; install the "
+            "same trackside and libraries everywhere"
+        )
+    started_s = time.perf_counter()
+    session = Session.open(Path(job.session))
+    estimate, _, _ = estimate_session(session, for_session(job.request, session), quiet=True)
+    result = score(session.ground_truth(), estimate, job.options)
+    errors = {name: result.errors.get(name) for name in ERROR_NAMES}
+    return Outcome(result.total, errors, time.perf_counter() - started_s)
+
+
+def attempt(job: Job) -> Outcome | Failure:
+    """The outcome, or why there is none: no job stops the others."""
+    try:
+        return run_job(job)
+    except TracksideError as err:
+        return Failure(str(err))
+    except Exception as err:
+        return Failure(f"a fault of trackside: {type(err).__name__}: {err}")
+
+
+@cache
+def full_software() -> str:
+    """Version, the text of the rooms that decide results, and the libraries under them."""
+    digest = hashlib.sha256()
+    for room in _DECIDING_ROOMS:
+        folder = Path(str(importlib.import_module(room).__file__)).parent
+        for file in sorted(folder.rglob("*.py")):
+            digest.update(file.read_bytes())
+    libraries = ", ".join(f"{name} {version(name)}" for name in _DECIDING_LIBRARIES)
+    return f"{software()} ({digest.hexdigest()[:12]}), {libraries}"
+
+
+class ResultStore:
+    """One small file for each job that has an outcome, in the folder `jobs` of an output folder.
+
+    A failure is not kept: it is tried again by the next search.
+    """
+
+    def __init__(self, output: Path) -> None:
+        self._folder = output / "jobs"
+
+    def load(self, job: Job) -> Outcome | None:
+        """The outcome of a job; None where there is none, or none that can be read."""
+        try:
+            held = json.loads((self._folder / f"{job.key}.json").read_text(encoding="utf-8"))
+            return Outcome(held["total"], held["errors"], held["work_s"])
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+
+    def save(self, job: Job, outcome: Outcome) -> None:
+        """Keep the outcome; raises `LogError` when the disk does not take it."""
+        content = {**asdict(outcome), "job": {"folder": job.session, **job.deciding()}}
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+        except OSError as err:
+            why = err.strerror or str(err)
+            raise LogError(f"cannot write {self._folder}: {why}; choose another -o") from err
+        text = json.dumps(content, indent=1, default=str)
+        write_text(self._folder / f"{job.key}.json", text + "\n")
+
+
+def session_digest(session: Session) -> str:
+    """A digest of what decides a result in a session: its log and its truth.
+
+    Raises `TextFileError` when a file cannot be read.
+    """
+    digest = hashlib.sha256()
+    for file in session.deciding_files:
+        digest.update(f"{file.name} {file.stat().st_size}\n".encode())
+        try:
+            with file.open("rb") as stream:
+                while part := stream.read(1 << 20):
+                    digest.update(part)
+        except OSError as err:
+            raise TextFileError(f"{file}: cannot be read: {err.strerror or err}") from err
+    return digest.hexdigest()[:24]

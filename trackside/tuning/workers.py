@@ -1,0 +1,116 @@
+"""Where jobs run: here one after the other, on all cores, or on a cluster."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+
+from dialogue import TracksideError, UsageError
+from trackside.tuning.jobs import Failure, Job, Outcome, attempt
+
+Work = Callable[[Job], Outcome | Failure]
+Done = Iterator[tuple[Job, Outcome | Failure]]
+Runner = Callable[[Sequence[Job]], Done]
+"""Runs jobs and gives each with its outcome, in the order in which they are done."""
+
+_ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "OMP", "MKL", "NUMBA")}
+CONNECT_S = 10
+
+
+def cores() -> int:
+    """How many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def one_after_the_other(jobs: Sequence[Job]) -> Done:
+    """All in this process."""
+    for job in jobs:
+        yield job, attempt(job)
+
+
+def on_cores(jobs: Sequence[Job], workers: int, work: Work = attempt) -> Done:
+    """In processes of their own, which each use one thread.
+
+    A job that ends its process (out of memory, a crash in a library) is a failure of its own: what
+    was at hand then is run again, one job at a time.
+    """
+    waiting = list(jobs)
+    with _one_thread_each():
+        while waiting:
+            unfinished = []
+            pool = _pool(min(workers, len(waiting)))
+            try:
+                futures = {pool.submit(work, job): job for job in waiting}
+                for future in as_completed(futures):
+                    try:
+                        yield futures[future], future.result()
+                    except BrokenProcessPool:
+                        unfinished.append(futures[future])
+            finally:
+                pool.shutdown(wait=False, cancel_futures=True)
+            # Jobs are begun in their order; a pool holds some more than it has processes.
+            left = [job for job in waiting if job in set(unfinished)]
+            at_hand = left[: 2 * workers + 1]
+            waiting = left[len(at_hand) :]
+            yield from ((job, _alone(job, work)) for job in at_hand)
+
+
+def on_cluster(jobs: Sequence[Job], address: str) -> Done:
+    """On the workers of a dask scheduler; they must see the sessions under the same paths.
+
+    Raises `UsageError` without the extra `cluster`, `TracksideError` when no scheduler answers.
+    """
+    try:
+        from distributed import Client
+        from distributed import as_completed as as_dask_completes
+    except ImportError as err:
+        raise UsageError(
+            "--scheduler needs dask: pip install 'trackside[cluster]', here and on the workers"
+        ) from err
+    try:
+        client = Client(address, timeout=CONNECT_S)  # type: ignore[no-untyped-call]  # dask's
+    except (OSError, ValueError, TimeoutError) as err:
+        raise TracksideError(
+            f"--scheduler {address}: no scheduler answered in {CONNECT_S} s ({err}); expected an "
+            "address as tcp://10.0.0.5:8786 that dask scheduler prints"
+        ) from err
+    with client:
+        futures = {client.submit(attempt, job, pure=False): job for job in jobs}
+        for future in as_dask_completes(futures):  # type: ignore[no-untyped-call]  # dask's
+            error = future.exception()
+            told = Failure(f"the worker: {type(error).__name__}: {error}") if error else None
+            yield futures[future], told or future.result()
+
+
+def _alone(job: Job, work: Work) -> Outcome | Failure:
+    pool = _pool(1)
+    try:
+        future: Future[Outcome | Failure] = pool.submit(work, job)
+        return future.result()
+    except BrokenProcessPool:
+        return Failure("its process died (out of memory, or a crash in a library)")
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _pool(workers: int) -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Processes that start within use one thread each, as all cores are taken."""
+    before = {name: os.environ.get(name) for name in _ONE_THREAD}
+    os.environ.update(_ONE_THREAD)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
