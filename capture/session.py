@@ -199,6 +199,7 @@ class Session:
                 f"topic {OVERHEAD_TOPIC}); record them with trackside film"
             )
         return logged_images(self.film, OVERHEAD_TOPIC)
+
     def motor_calibration(self) -> VescCalibration | None:
         """What ties the motor controller's numbers to the car, as it was in force; None if unknown.
 

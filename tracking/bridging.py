@@ -1,8 +1,8 @@
 """Where a car was while nobody saw it: a smoother across short gaps.
 
-State of each of x, y and heading: value, speed, acceleration; driven by white jerk. Forward Kalman
-filter and the backward pass of Rauch, Tung and Striebel (Saerkkae, Bayesian Filtering and
-Smoothing, 2013, theorem 8.2).
+State of each of x, y and heading: value, speed, acceleration; driven by white jerk. A Kalman filter
+forwards, then the fixed-interval smoother (Saerkkae, Bayesian Filtering and Smoothing, 2013,
+theorem 8.2).
 """
 
 from __future__ import annotations

@@ -10,9 +10,13 @@ from click.testing import CliRunner, Result
 from floors import UNEVEN, VIEW, floor_of, in_frame
 from floors import pictures as floor_pictures
 
+from calibration import Skipped, pictures_from, read_floor
 from capture import read_camera_calibration, read_world_calibration
 from capture.yaml_file import yaml_text
+from drivers.camera import ImageFolder, ImageFolderConfig
 from geometry import at_height
+from tracking import Image
+from tracking.scene import Scene, read_scene
 from trackside.cli import trackside
 
 
@@ -20,7 +24,7 @@ def call(*words: object) -> Result:
     return CliRunner().invoke(trackside, [str(word) for word in words])
 
 
-def save(folder: Path, shown: list[np.ndarray]) -> Path:
+def save(folder: Path, shown: list[Image]) -> Path:
     folder.mkdir()
     for k, image in enumerate(shown):
         cv2.imwrite(str(folder / f"{k:02d}.png"), image)
@@ -93,3 +97,29 @@ def test_a_camera_that_is_rejected_ends_with_1(calibrated: Path, tmp_path: Path)
     assert done.exit_code == 1
     assert "rejected\n" in done.output
     assert "take at least 8" in done.output
+
+
+def test_the_files_of_the_documentation_are_read(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
+    for name in ("floor", "scene"):
+        part = text.split(f"### `{name}.yaml`")[1].split("\n#")[0]
+        lines = [line[4:] for line in part.splitlines() if line.startswith("    ")]
+        (tmp_path / f"{name}.yaml").write_text("\n".join(lines))
+    floor = read_floor(tmp_path / "floor.yaml")
+    assert [marker.name for marker in floor.ordered] == ["c1", "c2", "c3", "c4", "k1"]
+    assert len(floor.lengths) == 6
+    scene = read_scene(tmp_path / "scene.yaml")
+    assert scene.cones.places == {"1": (0.5, 0.4), "2": (1.1, 0.9)}
+    assert scene.car == Scene().car
+
+
+def test_any_camera_is_a_source(tmp_path: Path) -> None:
+    """A live camera is a device like a folder of pictures that is played."""
+    shown = [one.image for one in pictures(CHARUCO, 3)]
+    device = ImageFolder(
+        ImageFolderConfig(save(tmp_path / "live", shown), rate_hz=10.0, real_time=False)
+    )
+    skipped = Skipped()
+    taken = list(pictures_from(device, skipped, lambda: device.finished, patience_s=1.0))
+    assert [one.name for one in taken] == ["frame 0", "frame 1", "frame 2"]
+    np.testing.assert_array_equal(taken[1].image, shown[1])
