@@ -42,9 +42,8 @@ from dialogue import Cell, Table
 from geometry import Floats, View, circle_centres, inverse, transform_points, wrap
 from simulation import CarPlan, OverheadScene, Ring, oblique_view, straight_down_view
 from simulation.boards import held_boards, render_sheet
-from tracking import RingSearch, find_rings
+from tracking import RingSearch, average_rings, find_rings
 from tracking.identity import car_pose
-from tracking.still_rings import average_rings
 
 SQUARE_M = 3.0
 PLACED_M, TAPE_M = 0.002, 0.001

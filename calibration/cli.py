@@ -178,7 +178,7 @@ def world(
     from calibration.world import calibrate_world
     from calibration.world_picture import write_world_picture
     from capture import calibration_file, read_camera_calibration, write_calibration
-    from tracking.still_rings import average_rings
+    from tracking import average_rings
 
     floor = read_floor(floor_file)
     camera_file = calibration_file(camera_place or output, "camera")
@@ -223,7 +223,7 @@ def verify(
     """Does a known length come out right? Lay two rings down so far apart; exit code 1 if not."""
     from calibration.verify import verify_length
     from capture import calibration_file, read_world_calibration
-    from tracking.still_rings import average_rings
+    from tracking import average_rings
 
     file = calibration_file(place, "world")
     known = read_world_calibration(file)

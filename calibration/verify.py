@@ -9,7 +9,7 @@ import numpy as np
 from calibration.errors import CalibrationError
 from capture import WorldCalibration
 from geometry import Floats, circle_centres, floor_covariance
-from tracking.still_rings import StillRings
+from tracking import StillRings
 
 _SAME_M = 0.05
 

@@ -20,7 +20,7 @@ from capture import (
     now_utc,
 )
 from geometry import Camera, CameraError, Floats, View, at_height, fit_planar_view, floor_covariance
-from tracking.still_rings import StillRings
+from tracking import StillRings
 
 _GRID = 15
 

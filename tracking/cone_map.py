@@ -27,12 +27,10 @@ _SIZE_PX, _SIZE_SHARE = 0.8, 0.06
 class ConeMap:
     """What stands on the floor at the beginning.
 
-    cones : their rings, with covariances; car_xy : (2, 2) of the car's rings, in no order, None
-    where the car did not stand in sight; remarks : what a person should know.
+    cones : their rings, with covariances; remarks : what a person should know.
     """
 
     cones: LandmarkMap
-    car_xy: Floats | None
     remarks: tuple[str, ...]
 
 
@@ -49,9 +47,7 @@ def map_cones(rings: StillRings, world: WorldCalibration, scene: Scene) -> ConeM
         )
     left = _without_corners(rings, world)
     pair = _car_pair(rings, left, world, scene)
-    car_xy = None
     if pair is not None:
-        car_xy = _places(rings, pair, world, scene.car.height_m)
         left = np.setdiff1d(left, pair)
     xy = _places(rings, left, world, scene.cones.height_m)
     fits = _has_size(rings, left, world, scene.cones.height_m, xy)
@@ -62,7 +58,7 @@ def map_cones(rings: StillRings, world: WorldCalibration, scene: Scene) -> ConeM
     ids, order, more = _numbered(xy, scene)
     left, xy = left[order], xy[order]
     covariance = _covariances(rings, left, world, scene, xy)
-    return ConeMap(LandmarkMap(ids, xy, covariance), car_xy, (*remarks, *more))
+    return ConeMap(LandmarkMap(ids, xy, covariance), (*remarks, *more))
 
 
 def _without_corners(rings: StillRings, world: WorldCalibration) -> Indices:

@@ -54,7 +54,6 @@ class Tracks:
     scatter_px: Floats
     stretch: npt.NDArray[np.int64]
     faults: tuple[tuple[int, str], ...]
-    flipped: tuple[int, ...]
     unsettled: tuple[int, ...]
     preview: tuple[int, Image] | None
 
@@ -175,11 +174,11 @@ class _Run:
         t_ns = np.array([frame.t_ns for frame in self.frames], np.int64)
         stretch = np.array(self.stretch, np.int64)
         told = self.scene.start_heading_deg is not None
-        flipped, unsettled = _turn_round(columns, stretch, told)
+        unsettled = _turn_round(columns, stretch, told)
         return Tracks(
             tuple(marker.name for marker in self.markers), t_ns, np.array(self.sequence, np.int64),
             columns["states"], columns["centres_px"], columns["xy_m"], columns["covariance_m2"],
-            columns["scatter_px"], stretch, tuple(self.faults), flipped, unsettled, self.preview,
+            columns["scatter_px"], stretch, tuple(self.faults), unsettled, self.preview,
         )  # fmt: skip
 
 
@@ -200,10 +199,10 @@ def _markers(world: WorldCalibration, scene: Scene, cones: LandmarkMap) -> list[
 
 def _turn_round(
     columns: dict[str, npt.NDArray[np.generic]], stretch: npt.NDArray[np.int64], told: bool
-) -> tuple[tuple[int, ...], tuple[int, ...]]:
+) -> tuple[int, ...]:
     """Swap front and rear, in place, in stretches in which the car drove backwards.
 
-    Returns those, and the stretches in which it hardly moved: they follow the one before them.
+    Returns the stretches in which it hardly moved: they follow the one before them.
     """
     flipped, unsettled = list[int](), list[int]()
     both = (columns["states"][:, -2:] != State.LOST).all(axis=1)
@@ -221,7 +220,7 @@ def _turn_round(
             whole = np.flatnonzero(stretch == number)
             for column in columns.values():
                 column[whole[:, None], [-2, -1]] = column[whole[:, None], [-1, -2]]
-    return tuple(flipped), tuple(unsettled)
+    return tuple(unsettled)
 
 
 def _forward_m(xy: Floats) -> float:

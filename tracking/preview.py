@@ -121,7 +121,8 @@ def _draw_path(
     places = path_pixels(result.truth.path.positions[:upto], view, scene)
     steps = np.diff(result.rows[:upto]) if upto else np.zeros(0, np.int64)
     for k in range(1, len(places)):
-        if steps[k - 1] > 1 and not np.isfinite(places[k - 1 : k + 1]).all():
+        # A step of more than a frame is a gap too long to be bridged.
+        if steps[k - 1] > 1 or not np.isfinite(places[k - 1 : k + 1]).all():
             continue
         colour = BRIDGED if result.bridged[k] else _CAR
         cv2.line(picture, _pixel(places[k - 1]), _pixel(places[k]), colour, 2 * wide, cv2.LINE_AA)

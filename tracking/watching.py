@@ -68,7 +68,7 @@ def watch(tracks: Tracks) -> Watch:
     residual = float(np.sqrt(np.nanmean(alone[:, still] ** 2))) if seen[:, still].any() else np.nan
     return Watch(
         None if knocked is None else int(tracks.t_ns[knocked]),
-        float(np.nanmax(size, initial=0.0)),
+        float(np.nan_to_num(size).max(initial=0.0)),
         int(enough.sum()),
         tuple(bumps),
         hidden,

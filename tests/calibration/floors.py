@@ -11,7 +11,7 @@ from calibration import Floor, FloorMarker, MeasuredLength, Picture
 from capture import CameraCalibration
 from geometry import Floats, View, at_height, inverse, transform_points
 from simulation import OverheadScene, Ring, oblique_view
-from tracking.still_rings import StillRings, average_rings
+from tracking import StillRings, average_rings
 
 VIEW = oblique_view(720)
 CORNERS = np.array([[-1.2, -1.2], [1.2, -1.2], [1.2, 1.2], [-1.2, 1.2]])

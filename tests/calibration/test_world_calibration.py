@@ -18,8 +18,7 @@ from calibration.survey import Floor
 from capture import ConfigurationError, read_world_calibration, write_calibration
 from geometry import RingShape, at_height
 from simulation import oblique_view, straight_down_view
-from tracking import TrackingError
-from tracking.still_rings import average_rings
+from tracking import TrackingError, average_rings
 
 FLAT = at_height(UNEVEN, 0.0)
 
