@@ -5,6 +5,18 @@ landmark tables. `rosbags` and `mcap` are imported when a log is opened, not bef
 """
 
 from capture.arrived import Arrived
+from capture.calibrations import (
+    CameraCalibration,
+    LengthResidual,
+    PlacedMarker,
+    ViewResidual,
+    WorldCalibration,
+    calibration_file,
+    now_utc,
+    read_camera_calibration,
+    read_world_calibration,
+    write_calibration,
+)
 from capture.configuration import (
     configuration_from_mapping,
     configuration_from_text,
@@ -12,6 +24,7 @@ from capture.configuration import (
     with_overrides,
 )
 from capture.errors import (
+    CalibrationFileError,
     CaptureError,
     ConfigurationError,
     LogError,
@@ -21,6 +34,7 @@ from capture.errors import (
 )
 from capture.estimate import NO_STAMP, Estimate, EstimatedMap, GroundTruth
 from capture.growing_odometry import GrowingOdometry, no_odometry
+from capture.images import LoggedImage
 from capture.landmark_table import (
     read_estimated_map,
     read_landmarks,
@@ -52,6 +66,8 @@ from capture.yaml_file import read_yaml, write_yaml
 __all__ = [
     "NO_STAMP",
     "Arrived",
+    "CalibrationFileError",
+    "CameraCalibration",
     "CaptureError",
     "ClockPair",
     "ConfigurationError",
@@ -61,11 +77,14 @@ __all__ = [
     "GroundTruth",
     "GrowingOdometry",
     "Imu",
+    "LengthResidual",
     "LogError",
     "LogTail",
+    "LoggedImage",
     "MissingStreamError",
     "Observations",
     "Odometry",
+    "PlacedMarker",
     "Scans",
     "Session",
     "SessionError",
@@ -73,6 +92,9 @@ __all__ = [
     "TextFileError",
     "TumPath",
     "VescState",
+    "ViewResidual",
+    "WorldCalibration",
+    "calibration_file",
     "configuration_from_mapping",
     "configuration_from_text",
     "extended",
@@ -80,20 +102,24 @@ __all__ = [
     "list_sessions",
     "new_folder",
     "no_odometry",
+    "now_utc",
     "ns_to_stamp",
     "point_cloud_message",
     "preferred_source",
+    "read_camera_calibration",
     "read_configuration",
     "read_estimated_map",
     "read_landmarks",
     "read_path_covariance",
     "read_planar_tum",
     "read_tum",
+    "read_world_calibration",
     "read_yaml",
     "software",
     "split",
     "stamp_to_ns",
     "with_overrides",
+    "write_calibration",
     "write_estimated_map",
     "write_landmarks",
     "write_path_covariance",

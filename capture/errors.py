@@ -27,3 +27,7 @@ class TextFileError(CaptureError, ValueError):
 
 class ConfigurationError(CaptureError, ValueError):
     """Faults of a YAML file, all at once, each as `file:line:column: key: message`."""
+
+
+class CalibrationFileError(CaptureError):
+    """A calibration that is not there, cannot be read, or would be overwritten."""

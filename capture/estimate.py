@@ -53,8 +53,14 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class GroundTruth:
-    """Where the car and the landmarks really were, in the frame `world`."""
+    """Where the car and the landmarks really were, in the frame `world`.
+
+    path_covariances : (n, 3, 3) of x, y, heading at each pose, or None where nothing is claimed;
+    bridged : (n,) poses that were not measured but bridged over, or None where that is not told.
+    """
 
     path: Trajectory
     landmarks: LandmarkMap | None = None
     provenance: Mapping[str, object] = field(default_factory=dict)
+    path_covariances: Floats | None = None
+    bridged: npt.NDArray[np.bool_] | None = None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from capture.csv_table import (
     CsvTable,
@@ -88,11 +89,27 @@ def read_path_covariance(file: Path) -> tuple[Stamps, Floats]:
     return t_ns, covariances
 
 
-def write_path_covariance(file: Path, t_ns: Stamps, covariances: Floats) -> None:
-    """Write covariances (n, 3, 3) of the poses at `t_ns` (n,)."""
+def read_bridged(file: Path) -> npt.NDArray[np.bool_] | None:
+    """The column `bridged` (n,) of a path's covariances; None where file or column is missing."""
+    if not file.exists():
+        return None
+    table = read_csv(file, ("t",))
+    return table.integers("bridged", required=True) != 0 if "bridged" in table else None
+
+
+def write_path_covariance(
+    file: Path,
+    t_ns: Stamps,
+    covariances: Floats,
+    *,
+    bridged: npt.NDArray[np.bool_] | None = None,
+) -> None:
+    """Write covariances (n, 3, 3) of the poses at `t_ns` (n,), and which were bridged (n,)."""
     columns = {"t": stamp_texts(t_ns)}
     for name, row, column in zip(_PATH_COVARIANCE, *_UPPER, strict=True):
         columns[name] = number_texts(covariances[:, row, column])
+    if bridged is not None:
+        columns["bridged"] = integer_texts(bridged.astype(np.int64))
     write_csv(file, columns)
 
 

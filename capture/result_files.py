@@ -11,6 +11,7 @@ import numpy as np
 from capture.errors import MissingStreamError, TextFileError
 from capture.estimate import Estimate, GroundTruth
 from capture.landmark_table import (
+    read_bridged,
     read_estimated_map,
     read_landmarks,
     read_path_covariance,
@@ -39,11 +40,16 @@ def checked_name(name: str) -> str:
 
 
 def write_ground_truth(folder: Path, truth: GroundTruth, *, replace: bool = False) -> None:
-    """Write `car.tum`, `cones.csv` (if there are landmarks) and `ground_truth.yaml`."""
+    """Write `car.tum`, `ground_truth.yaml`, and where known `cones.csv`, `car_covariance.csv`."""
     with new_folder(folder, replace=replace) as partial:
         write_tum(partial / "car.tum", truth.path)
         if truth.landmarks is not None:
             write_landmarks(partial / "cones.csv", truth.landmarks)
+        if truth.path_covariances is not None:
+            covariances, stamps = truth.path_covariances, truth.path.t_ns
+            write_path_covariance(
+                partial / "car_covariance.csv", stamps, covariances, bridged=truth.bridged
+            )
         _write_provenance(partial / "ground_truth.yaml", truth.provenance)
 
 
@@ -52,7 +58,11 @@ def read_ground_truth(folder: Path) -> GroundTruth:
     path, _ = read_planar_tum(folder / "car.tum")
     cones = folder / "cones.csv"
     landmarks = read_landmarks(cones) if cones.exists() else None
-    return GroundTruth(path, landmarks, _read_provenance(folder / "ground_truth.yaml"))
+    provenance = _read_provenance(folder / "ground_truth.yaml")
+    file = folder / "car_covariance.csv"
+    return GroundTruth(
+        path, landmarks, provenance, _read_path_covariances(file, path), read_bridged(file)
+    )
 
 
 def write_estimate(folder: Path, estimate: Estimate, *, replace: bool = False) -> None:
@@ -92,7 +102,7 @@ def _read_path_covariances(file: Path, path: Trajectory) -> Floats | None:
     t_ns, covariances = read_path_covariance(file)
     if not np.array_equal(t_ns, path.t_ns):
         raise TextFileError(
-            f"{file}: its {t_ns.size} stamps are not those of the {len(path)} poses in path.tum; "
+            f"{file}: its {t_ns.size} stamps are not those of the {len(path)} poses of the path; "
             "expected a line for each pose; write the estimate again"
         )
     return covariances

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cached_property
@@ -26,6 +26,8 @@ from capture.topics import (
     LOG_NAME,
     ODOMETRY_SUFFIX,
     ODOMETRY_TYPE,
+    OVERHEAD_LOG_NAME,
+    OVERHEAD_TOPIC,
     POINTS_TOPIC,
     PREFERRED_SOURCES,
     RANGE_BEARING_TOPIC,
@@ -36,6 +38,7 @@ from capture.topics import (
 )
 
 if TYPE_CHECKING:
+    from capture.images import LoggedImage
     from capture.log_reader import McapLog, RawMessages, Topic
     from capture.log_tail import LogTail
     from capture.session_writer import SessionWriter
@@ -171,6 +174,31 @@ class Session:
         from capture.log_columns import observation_columns
 
         return observation_columns(self._raw("landmark observations", RANGE_BEARING_TOPIC))
+
+    @cached_property
+    def film(self) -> McapLog | None:
+        """The log of the overhead camera, None for a session without one."""
+        from capture.log_reader import McapLog
+
+        file = self.folder / OVERHEAD_LOG_NAME
+        return McapLog(file) if file.exists() else None
+
+    @property
+    def overhead_count(self) -> int:
+        """How many pictures the overhead camera took."""
+        topic = self.film.topics.get(OVERHEAD_TOPIC) if self.film else None
+        return topic.count if topic else 0
+
+    def overhead_images(self) -> Iterator[LoggedImage]:
+        """The pictures of the overhead camera, one at a time, in the order of the log."""
+        from capture.images import logged_images
+
+        if self.film is None or not self.overhead_count:
+            raise MissingStreamError(
+                f"{self.folder}: has no pictures of the overhead camera ({OVERHEAD_LOG_NAME}, "
+                f"topic {OVERHEAD_TOPIC}); record them with trackside film"
+            )
+        return logged_images(self.film, OVERHEAD_TOPIC)
 
     def motor_calibration(self) -> VescCalibration | None:
         """What ties the motor controller's numbers to the car, as it was in force; None if unknown.

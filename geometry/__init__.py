@@ -27,8 +27,16 @@ from geometry.landmarks import LandmarkMap
 from geometry.se2 import between, compose, inverse, rotate_covariance, transform_points
 from geometry.space_path import SpacePath
 from geometry.trajectory import Stamps, Trajectory
+from geometry.uncertainty import (
+    INTRINSICS,
+    camera_of,
+    floor_covariance,
+    intrinsics_of,
+    view_jacobian,
+)
 
 __all__ = [
+    "INTRINSICS",
     "AlignmentError",
     "Camera",
     "CameraError",
@@ -48,12 +56,15 @@ __all__ = [
     "apply_homography",
     "at_height",
     "between",
+    "camera_of",
     "circle_centres",
     "circle_outline",
     "circular_mean",
     "compose",
     "fit_homography",
     "fit_planar_view",
+    "floor_covariance",
+    "intrinsics_of",
     "inverse",
     "looking_at",
     "planar_umeyama",
@@ -62,5 +73,6 @@ __all__ = [
     "transform_points",
     "turned",
     "umeyama",
+    "view_jacobian",
     "wrap",
 ]

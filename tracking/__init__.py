@@ -18,6 +18,7 @@ from tracking.images import Image, grey_image
 from tracking.markers import Marker, State, TrackedFrame
 from tracking.measuring import TrackerConfig
 from tracking.rings import RingSearch, RingSightings, find_rings
+from tracking.still_rings import StillRings, average_rings
 from tracking.tracker import RingTracker
 
 __all__ = [
@@ -30,9 +31,11 @@ __all__ = [
     "RingSightings",
     "RingTracker",
     "State",
+    "StillRings",
     "TrackedFrame",
     "TrackerConfig",
     "TrackingError",
+    "average_rings",
     "car_pose",
     "find_rings",
     "grey_image",

@@ -17,8 +17,8 @@ from dialogue import TABLE_FORMATS, Table
 from trackside.finding import Finding
 
 OUR_NAMES = (
-    "dialogue", "drivers", "geometry", "capture", "slam", "tracking", "simulation", "scoring",
-    "trackside",
+    "dialogue", "drivers", "geometry", "capture", "slam", "tracking", "simulation", "calibration",
+    "scoring", "trackside",
 )  # fmt: skip
 """The rooms, which are import names shared with the whole environment."""
 

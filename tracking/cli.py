@@ -1,0 +1,187 @@
+"""The command `trackside track`: frames -> ground truth of car and cones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from dialogue import Progress, UsageError
+
+if TYPE_CHECKING:
+    from capture import Session
+    from geometry import LandmarkMap
+    from tracking.film import Film
+    from tracking.ground_truth import TrackResult
+    from tracking.scene import Scene
+
+_PATH = click.Path(path_type=Path)
+
+
+@click.command("track")
+@click.argument("session", type=_PATH, required=False)
+@click.option("--video", type=_PATH, help="Old footage instead of a SESSION; makes one of it.")
+@click.option(
+    "--calibration",
+    "place",
+    type=_PATH,
+    help="World calibration, or a folder whose newest is taken.  [default: the session's own, "
+    "else calibration]",
+)
+@click.option(
+    "--scene",
+    "scene_file",
+    type=_PATH,
+    help="What carries rings; see docs/formats.md.  [default: scene.yaml if there is one]",
+)
+@click.option(
+    "--cones",
+    "cones_from",
+    type=_PATH,
+    help="Where the cones are: a session that filmed their rings, or a cones.csv.  [default: the "
+    "beginning of this film]",
+)
+@click.option("--start-heading", type=float, metavar="DEG", help="Of the car, to 60 degrees.")
+@click.option("-o", "--output", type=_PATH, help="With --video: the session to make.")
+@click.option("--replace", is_flag=True, help="Replace a ground truth that is there.")
+@click.option("--no-clip", is_flag=True, help="Make no MP4, which takes as long as tracking.")
+@click.pass_context
+def track(
+    ctx: click.Context,
+    session: Path | None,
+    video: Path | None,
+    place: Path | None,
+    scene_file: Path | None,
+    cones_from: Path | None,
+    start_heading: float | None,
+    output: Path | None,
+    replace: bool,
+    no_clip: bool,
+) -> None:
+    """Turn the film of SESSION into ground truth: car at every frame, cones, pictures, a verdict.
+
+    Exit code 1 when the verdict is bad; the truth is written with its verdict all the same.
+    """
+    from capture import calibration_file, read_world_calibration
+    from tracking.film import session_film, video_film
+    from tracking.ground_truth import track_film
+
+    if (session is None) == (video is None):
+        raise UsageError("give either a SESSION that was filmed or --video FILE")
+    scene = _scene(scene_file, start_heading)
+    if video is not None:
+        target = output or video.with_name(f"{video.stem}_session")
+        film, recording = video_film(video), None
+    else:
+        assert session is not None
+        if output is not None:
+            raise UsageError("--output belongs to --video; a session keeps its own truth")
+        recording = _opened(session, replace)
+        target, film = session, session_film(recording)
+    world_file = calibration_file(place or _usual_place(recording), "world")
+    world = read_world_calibration(world_file)
+    click.echo(f"calibration: {world_file}", err=True)
+    cones = None if cones_from is None else _cones(cones_from, world_file, scene)
+    how = {"calibration_file": world_file.name, "cones_from": str(cones_from or "this film")}
+    with Progress(f"tracking {film.source}", film.count) as progress:
+        result = track_film(film, world, scene, cones=cones, how=how, advance=progress.advance)
+    kept = recording or _new_session(target, video, result)
+    kept.write_ground_truth(result.truth, replace=replace)
+    if world_file.parent.resolve() != (target / "calibration").resolve():
+        _keep_calibration(kept, world_file)
+    _write_pictures(target / "ground_truth", film, result, world_file, scene, no_clip)
+    _say(result)
+    click.echo(f"wrote {target / 'ground_truth'}; look at its track.html")
+    click.echo(f"next: trackside slam {target}, trackside score {target}")
+    ctx.exit(0 if result.judgement.good else 1)
+
+
+def _scene(file: Path | None, start_heading_deg: float | None) -> Scene:
+    from dataclasses import replace
+
+    from tracking.scene import Scene, read_scene
+
+    usual = Path("scene.yaml")
+    if file is None and usual.exists():
+        file = usual
+    scene = Scene() if file is None else read_scene(file)
+    click.echo(f"scene: {file or 'the usual one, no scene.yaml given'}", err=True)
+    if start_heading_deg is not None:
+        scene = replace(scene, start_heading_deg=start_heading_deg)
+    return scene
+
+
+def _opened(session: Path, replace: bool) -> Session:
+    from capture import Session
+
+    recording = Session.open(session)
+    if recording.has_ground_truth and not replace:
+        raise UsageError(f"{session} has a ground truth already; give --replace to make it anew")
+    return recording
+
+
+def _usual_place(recording: Session | None) -> Path:
+    if recording is not None and any(f.name.startswith("world_") for f in recording.calibrations):
+        return recording.folder / "calibration"
+    return Path("calibration")
+
+
+def _cones(place: Path, world_file: Path, scene: Scene) -> LandmarkMap:
+    """Of a table, or of a film of the rings on which cones will stand."""
+    from capture import Session, read_landmarks, read_world_calibration
+    from tracking.film import session_film
+    from tracking.ground_truth import cones_of
+
+    if place.suffix == ".csv":
+        return read_landmarks(place)
+    found = cones_of(session_film(Session.open(place)), read_world_calibration(world_file), scene)
+    for remark in found.remarks:
+        click.echo(f"{place}: {remark}", err=True)
+    return found.cones
+
+
+def _new_session(folder: Path, video: Path | None, result: TrackResult) -> Session:
+    """A session for old footage, which has no log."""
+    from capture import Session, SessionInfo
+
+    origin: dict[str, object] = {
+        "video": str(video),
+        "stamps": str(result.truth.provenance["stamps"]),
+    }
+    with Session.create(folder, SessionInfo(map=folder.name, origin=origin)):
+        pass
+    return Session.open(folder)
+
+
+def _keep_calibration(session: Session, file: Path) -> None:
+    if not (session.folder / "calibration" / file.name).exists():
+        session.copy_calibration(file)
+
+
+def _write_pictures(
+    folder: Path, film: Film, result: TrackResult, world_file: Path, scene: Scene, no_clip: bool
+) -> None:
+    from capture import read_world_calibration, write_text
+    from tracking.preview import preview_picture, write_clip, write_picture
+    from tracking.track_page import track_page
+
+    view = read_world_calibration(world_file).view
+    picture = preview_picture(result, view, scene)
+    write_picture(folder / "preview.png", picture)
+    write_text(folder / "track.html", track_page(film.source, result, picture))
+    if not no_clip:
+        write_clip(folder / "track.mp4", film, result, view, scene)
+
+
+def _say(result: TrackResult) -> None:
+    from tracking.track_page import facts
+
+    for name, value in facts(result.judgement):
+        click.echo(f"{name}: {value}")
+    click.echo(f"cones: {len(result.truth.landmarks or ())}")
+    click.echo("good" if result.judgement.good else "bad")
+    for line in result.judgement.reasons:
+        click.echo(f"  {line}")
+    for line in result.judgement.remarks:
+        click.echo(f"  note: {line}")
