@@ -130,7 +130,7 @@ def table(title: str, results: list[Result], known: list[Result], smoothed: list
         for robot, r, k, s in zip(ROBOTS, results, known, smoothed, strict=True)
     ]  # fmt: skip
     columns = (
-        "", "landmarks", "pairs", "path mean [m]", "path max [m]", "map [m]", "/ known",
+        "robot", "landmarks", "pairs", "path mean [m]", "path max [m]", "map [m]", "/ known",
         "/ known smoothed", "seconds", "",
     )  # fmt: skip
     return Table(columns, tuple(rows), title)
@@ -141,8 +141,8 @@ def seeds_table(seeds: list[list[Result]]) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for robot, of_robot in zip(ROBOTS, zip(*seeds, strict=True), strict=True):
         cells = [f"{r.landmarks}, {r.path_m:.3f} m, {r.likelihood:.0f}" for r in of_robot]
-        rows.append((f"robot {robot}", *cells))
-    columns = ("", *(f"seed {seed}" for seed in range(len(seeds))))
+        rows.append((robot, *cells))
+    columns = ("robot", *(f"seed {seed}" for seed in range(len(seeds))))
     return Table(columns, tuple(rows), "Each seed: landmarks, path, log-likelihood")
 
 
