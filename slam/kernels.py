@@ -23,11 +23,26 @@ def kernel(function: Function) -> Function:
 
     Products and sums may be contracted (fused multiply-add) but never reordered.
     """
+    return _compiled(function, "never")
+
+
+def inlined(function: Function) -> Function:
+    """A kernel that becomes part of those that call it.
+
+    For inner functions that are given many arrays: numba counts the references of each at every
+    call, which costs more than such a function does.
+    """
+    return _compiled(function, "always")
+
+
+def _compiled(function: Function, inline: str) -> Function:
     settings = vars(numba.config)
     before = settings["CACHE_DIR"]
     settings["CACHE_DIR"] = before or str(cache_folder())
     try:
-        compiled = numba.njit(cache=True, fastmath={"contract"}, error_model="numpy")(function)
+        compiled = numba.njit(
+            cache=True, fastmath={"contract"}, error_model="numpy", inline=inline
+        )(function)
     finally:
         settings["CACHE_DIR"] = before
     return cast(Function, compiled)

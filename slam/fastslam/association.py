@@ -9,10 +9,10 @@ import math
 
 from slam.fastslam.cloud import Cloud
 from slam.fastslam.scan import IGNORED, NEW, Decisions, Rules, Scan, Scratch, squared_distance
-from slam.kernels import kernel
+from slam.kernels import inlined
 
 
-@kernel
+@inlined
 def landmarks_within_reach(cloud: Cloud, p: int, reach_m: float, scratch: Scratch) -> int:
     """Fills near to busy of the scratch; gives how many landmarks there are."""
     x, y, limit = cloud.x[p], cloud.y[p], reach_m * reach_m
@@ -30,7 +30,7 @@ def landmarks_within_reach(cloud: Cloud, p: int, reach_m: float, scratch: Scratc
     return within
 
 
-@kernel
+@inlined
 def _possible(
     scratch: Scratch, within: int, x: float, y: float, variance: float, widest: float
 ) -> int:
@@ -46,7 +46,7 @@ def _possible(
     return found
 
 
-@kernel
+@inlined
 def associate(
     cloud: Cloud,
     p: int,
@@ -89,7 +89,7 @@ def associate(
         scratch.busy[t] = True
 
 
-@kernel
+@inlined
 def _most_likely_first(scratch: Scratch, pairs: int) -> int:
     """Keep, at the front, the likeliest pair, then the likeliest of what it leaves, and so on."""
     observation, landmark = scratch.pair_observation, scratch.pair_landmark

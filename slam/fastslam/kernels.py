@@ -29,7 +29,7 @@ from slam.fastslam.scan import (
     Watch,
     squared_distance,
 )
-from slam.kernels import kernel
+from slam.kernels import inlined, kernel
 
 
 @kernel
@@ -79,7 +79,7 @@ def update(
                 chosen[i] = REFUSED
 
 
-@kernel
+@inlined
 def _project(cloud: Cloud, p: int, scan: Scan, place: Floats) -> None:
     """Fills place (m, 5): the observations in the map of the particle, and their covariances."""
     cos, sin = math.cos(cloud.heading[p]), math.sin(cloud.heading[p])
@@ -95,7 +95,7 @@ def _project(cloud: Cloud, p: int, scan: Scan, place: Floats) -> None:
         place[i, 4] = across + more * uy * uy
 
 
-@kernel
+@inlined
 def _filter(
     cloud: Cloud,
     p: int,
@@ -165,7 +165,7 @@ def _fused(
     )
 
 
-@kernel
+@inlined
 def _learn(
     cloud: Cloud,
     p: int,
@@ -182,7 +182,7 @@ def _learn(
     cloud.seen[p, j] += 1
 
 
-@kernel
+@inlined
 def _contradict(cloud: Cloud, p: int, j: int, place: Floats, rules: Rules, birth: int) -> bool:
     """Evidence against a landmark; when it is enough it is placed anew, and True."""
     cloud.evidence[p, j] -= rules.miss
@@ -192,7 +192,7 @@ def _contradict(cloud: Cloud, p: int, j: int, place: Floats, rules: Rules, birth
     return True
 
 
-@kernel
+@inlined
 def _put(cloud: Cloud, p: int, j: int, place: Floats, evidence: float, birth: int) -> None:
     """A landmark at `place` with one sighting behind it."""
     cloud.landmark_x[p, j], cloud.landmark_y[p, j] = place[0], place[1]
