@@ -178,16 +178,16 @@ class Mpu9250:
         frames = filled // reg.FRAME_BYTES
         if frames == 0:
             return None
-        overflow = filled > reg.FULL_FRAMES_BYTES or (
-            filled == reg.FULL_FRAMES_BYTES
-            and bool(bus.read_block(chip.address, reg.INT_STATUS, 1)[0] & reg.OVERFLOW)
-        )
         record = settings_record(chip.settings) if self._starting else b""
         if chip.settings.sensitivity is not None:
             field = bus.read_block(reg.AK_ADDRESS, reg.AK_STATUS_1, reg.AK_READ_BYTES)
             record += magnetometer_record(field)
         data = bus.read_block(chip.address, reg.FIFO_R_W, frames * reg.FRAME_BYTES)
         now_ns = bus.now_ns()
+        # Asked last: a FIFO that ran over at any time until now holds a cut frame at its end, and
+        # what came after it would be read out of step for ever.
+        status = bus.read_block(chip.address, reg.INT_STATUS, 1)[0]
+        overflow = filled > reg.FULL_FRAMES_BYTES or bool(status & reg.OVERFLOW)
         self._starting, self._heard_ns = False, now_ns
         elapsed_ns, self._counted_ns = counted_ns - self._counted_ns, counted_ns
         if overflow:
