@@ -85,17 +85,12 @@ def matched_filter(step_px: float, black_px: float, paper_px: float, sigma_px: f
 def edge_offsets(levels: Samples, weights: Samples, lines: int) -> tuple[Samples, Samples]:
     """Contrasts and offsets (n, K, edges), offsets in steps, of samples (n, K * edges * m).
 
-    weights may be one for all, or (n, ..) one each. Where there is no edge the offset is huge or
-    not finite: gate it.
+    Where there is no edge the offset is huge or not finite: gate it.
     """
-    edges = weights.shape[-1] // 2
-    if weights.ndim == 2:
-        # One product of two tall matrices is much faster than many of small ones.
-        tall = levels.reshape(-1, len(weights))
-        contrast = (tall @ weights[:, :edges]).reshape(-1, lines, edges)
-        product = (tall @ weights[:, edges:]).reshape(-1, lines, edges)
-    else:
-        found = levels.reshape(len(levels), lines, -1) @ weights
-        contrast, product = found[..., :edges], found[..., edges:]
+    edges = weights.shape[1] // 2
+    # One product of two tall matrices is much faster than many of small ones.
+    tall = levels.reshape(-1, len(weights))
+    contrast = (tall @ weights[:, :edges]).reshape(-1, lines, edges)
+    product = (tall @ weights[:, edges:]).reshape(-1, lines, edges)
     with np.errstate(divide="ignore", invalid="ignore"):
         return contrast, product / contrast

@@ -8,14 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from geometry import Floats, RingShape
-from tracking.edges import (
-    edge_offsets,
-    line_offsets,
-    matched_filter,
-)
+from tracking.edges import area_filter, line_offsets, matched_filter
 from tracking.images import Image
-from tracking.marker_fit import MarkerFits, plain_fits, robust_fits
-from tracking.profiles import FixedMaps, Samples, line_points, line_vectors, sample
+from tracking.marker_fit import fit_design
+from tracking.profiles import FixedMaps, Samples, grey_levels, line_points, line_vectors
 
 _LONGEST_STEP_PX = 1.0
 _ALIKE = 1.15
@@ -25,8 +21,8 @@ _STEP_OF_AXIS = 0.1
 """Seven samples at a tenth of the shorter half axis stay between the edges of a ring."""
 
 
-_CALM, _SMOOTH_PX = 1.3, 0.005
-"""Lines may scatter by so many times what the noise explains, beside a little for the lens."""
+_CALM = 1.3
+"""Lines may scatter by so many times what the noise explains."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,8 +66,8 @@ def ring_coordinates(edges: Floats, steps_px: Floats) -> Samples:
     return line_points(edges, line_vectors(edges.shape[1], line_offsets(steps_px)))
 
 
-def ring_filters(half_axes_px: Floats, shape: RingShape, sigma_px: float) -> Samples:
-    """Matched filters: one (14, 4) for all when rings are of nearly one size, else (n, 14, 4).
+def ring_filters(half_axes_px: Floats, shape: RingShape, sigma_px: float) -> Floats:
+    """Matched filters (n, 14, 4); one for all (1, 14, 4) when rings are of nearly one size.
 
     The distances between a ring's edges are those along its shorter axis, where they are least.
     """
@@ -85,20 +81,31 @@ def ring_filters(half_axes_px: Floats, shape: RingShape, sigma_px: float) -> Sam
         matched_filter(step, (1.0 - shape.ratio) * b, (shape.margin - 1.0) * b, sigma_px)
         for step, b in zip(steps.tolist(), sizes.tolist(), strict=True)
     ]
-    return filters[0] if len(set(map(id, filters))) == 1 else np.stack(filters)
+    alike = len(set(map(id, filters))) == 1
+    return np.asarray(filters[:1] if alike else filters, np.float64)
 
 
 class Look:
-    """How rings are measured, with one configuration and one ratio of diameters."""
+    """How rings are measured, with one configuration and one ratio of diameters.
+
+    Loads the compiled kernels, which the first time on a machine means compiling them.
+    """
 
     def __init__(self, config: TrackerConfig, shape: RingShape) -> None:
-        self.config, self.shape, self.ratio = config, shape, shape.ratio
+        from tracking.kernels import acceptable, fit_rings
 
-    def filters(self, half_axes_px: Floats) -> Samples:
+        self.config, self.shape = config, shape
+        self.area: Floats = area_filter(2)[None].astype(np.float64)
+        """The filter (1, 14, 4) for rings that are not quite where they are expected."""
+        self.limits = np.array([config.min_contrast, config.min_inliers, config.max_growth])
+        self._design = fit_design(config.lines, shape.ratio)
+        self._fit_rings, self._acceptable = fit_rings, acceptable
+
+    def filters(self, half_axes_px: Floats) -> Floats:
         """Matched filters for rings with these half axes (n, 2)."""
         return ring_filters(half_axes_px, self.shape, self.config.edge_sigma_px)
 
-    def calm(self, weights: Samples, steps_px: Floats) -> Floats:
+    def calm(self, weights: Floats, steps_px: Floats) -> Floats:
         """Scatter times contrast (n,) below which nothing but noise disturbs a ring."""
         products = weights[..., 2]
         gain = np.sqrt(np.einsum("...i,...i->...", products, products).max())
@@ -109,41 +116,19 @@ class Look:
         image: Image,
         coordinates: Samples | FixedMaps,
         steps_px: Floats,
-        weights: Samples,
+        weights: Floats,
         calm: Floats,
-    ) -> MarkerFits:
-        """Fits of n rings at coordinates (n, K * 2 * m, 2), robust where they are not `calm`."""
-        levels = sample(image, coordinates)
-        # Where there is no edge, offsets are not finite, and neither is the plain fit.
-        with np.errstate(invalid="ignore", over="ignore"):
-            contrast, offsets = edge_offsets(levels, weights, self.config.lines)
-            fits = plain_fits(contrast, offsets, steps_px, self.ratio)
-            noisy = (fits.scatter_px - _SMOOTH_PX) * fits.contrast
-            quiet = (noisy < calm) & (np.abs(fits.growth_px) < 0.5 * steps_px)
-        # Twice nothing is calm, but no ring.
-        quiet &= fits.contrast > 0.0
-        if quiet.all():
-            return fits
-        rest = ~quiet
-        again = robust_fits(contrast[rest], offsets[rest], steps_px[rest], self.ratio)
-        return _merged(fits, again, rest)
+    ) -> Floats:
+        """Fits (n, 10) of rings at coordinates (n, K * 2 * m, 2), robust where not `calm`.
 
-    def acceptable(self, fits: MarkerFits, half_axes_px: Floats) -> npt.NDArray[np.bool_]:
+        Their columns: see `tracking.kernels`.
+        """
+        design, levels = self._design, grey_levels(image, coordinates)
+        return self._fit_rings(
+            levels, weights, steps_px, calm,
+            design.model, design.inverse, design.products, design.weights,
+        )  # fmt: skip
+
+    def acceptable(self, fits: Floats, half_axes_px: Floats) -> npt.NDArray[np.bool_]:
         """Which fits (n,) are those of rings of the size that their plane demands."""
-        config = self.config
-        result: npt.NDArray[np.bool_] = (
-            np.isfinite(fits.shift_px).all(axis=1)
-            & (fits.contrast >= config.min_contrast)
-            & (fits.inliers >= config.min_inliers)
-            & (np.abs(fits.growth_px) <= config.max_growth * half_axes_px[:, 1] + 0.5)
-        )
-        return result
-
-
-def _merged(first: MarkerFits, second: MarkerFits, where: npt.NDArray[np.bool_]) -> MarkerFits:
-    columns = []
-    for name in MarkerFits.__dataclass_fields__:
-        column = np.array(getattr(first, name))
-        column[where] = getattr(second, name)
-        columns.append(column)
-    return MarkerFits(*columns)
+        return self._acceptable(fits, half_axes_px, self.limits)

@@ -8,11 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from geometry import Floats, View
-from tracking.edges import area_filter, line_offsets
+from tracking.edges import line_offsets
 from tracking.images import Image
+from tracking.marker_fit import CONTRAST, SHIFT
 from tracking.measuring import Look, line_steps
 from tracking.outlines import RingPlanes, RingTemplates, ring_templates
-from tracking.profiles import Samples, line_points, line_vectors
+from tracking.profiles import Samples, line_vectors
 from tracking.standing import Found
 
 _Prepared: TypeAlias = tuple[
@@ -27,8 +28,14 @@ class MovingMarkers:
     """n markers without a place. What is not known of them is NaN."""
 
     def __init__(self, view: View, planes: RingPlanes, look: Look) -> None:
-        n = len(planes.radii)
+        from tracking.kernels import moving_rows, predict, remember, ring_points
+
+        n, camera = len(planes.radii), view.camera
         self._view, self._planes, self._look = view, planes, look
+        self._floor = np.column_stack([view.rotation[:, :2], view.translation])
+        self._lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy, *camera.distortion])
+        self._points, self._rows = ring_points, moving_rows
+        self._predict, self._remember = predict, remember
         self.xy = np.full((n, 2), np.nan)
         self.velocity = np.full((n, 2), np.nan)
         self._acceleration = np.zeros((n, 2))
@@ -39,10 +46,9 @@ class MovingMarkers:
 
     def predicted(self, t_ns: int) -> Floats:
         """Where they should be (n, 2) at constant acceleration, or were if no speed is known."""
-        after_s = self.since(t_ns)[:, None]
-        bend = self._acceleration * ((after_s + self._before_s[:, None]) / 2.0)
-        step = (self.velocity + bend) * after_s
-        return np.where(np.isfinite(step), self.xy + step, self.xy)
+        return self._predict(
+            self.xy, self.velocity, self._acceleration, self._before_s, self._t_ns, t_ns
+        )
 
     def since(self, t_ns: int) -> Floats:
         """Seconds (n,) since each was last seen."""
@@ -56,22 +62,23 @@ class MovingMarkers:
         """
         look = self._look
         rings, steps, vectors, calm = self._prepared(which, expected)
-        edges, centres = rings.placed(self._view, expected)
-        coordinates = line_points(edges, vectors)
-        fits = look.fits(image, coordinates, steps, area_filter(2), calm)
-        shift = fits.shift_px
+        coordinates, centres = self._points(
+            rings.spread, expected, vectors, self._floor, self._lens
+        )
+        fits = look.fits(image, coordinates, steps, look.area, calm)
+        shift = fits[:, SHIFT]
         if not np.abs(shift).max() < _NEAR_PX:
-            good = np.isfinite(shift).all(axis=1) & (fits.contrast > 0.0)
+            good = np.isfinite(shift).all(axis=1) & (fits[:, CONTRAST] > 0.0)
             first = np.where(good[:, None], shift, 0.0)
             coordinates += first.astype(np.float32)[:, None, :]
-            fits = look.fits(image, coordinates, steps, area_filter(2), calm)
-            shift = first + fits.shift_px
-        good = look.acceptable(fits, rings.axes_px)
-        centres = centres + shift
-        # The picture of the floor is bent; one step of Newton's method makes the line exact.
-        xy = expected + _times(rings.inverse, shift)
-        xy += _times(rings.inverse, centres - rings.centres(self._view, xy))
-        return Found(good, centres, xy, rings.inverse, fits)
+            fits = look.fits(image, coordinates, steps, look.area, calm)
+            fits[:, SHIFT] += first
+        return Found(
+            *self._rows(
+                fits, rings.axes_px, centres, expected, rings.inverse, rings.spread,
+                self._floor, self._lens, look.limits,
+            )
+        )  # fmt: skip
 
     def _prepared(
         self, which: npt.NDArray[np.int64], expected: Floats
@@ -85,30 +92,15 @@ class MovingMarkers:
         lines = self._look.config.lines
         rings = ring_templates(self._view, expected, self._planes.take(which), lines)
         steps = line_steps(rings.axes_px)
-        calm = self._look.calm(area_filter(2), steps)
+        calm = self._look.calm(self._look.area, steps)
         prepared = rings, steps, line_vectors(lines, line_offsets(steps)), calm
         self._last = (which, expected, prepared)
         return prepared
 
-    def keep(self, which: npt.NDArray[np.int64], xy: Floats, t_ns: int, fresh: bool) -> None:
-        """Take these places (k, 2) as seen at t; fresh ones, found by search, tell no speed-up."""
-        if not which.size:
-            return
-        after_s = (t_ns - self._t_ns[which]) * 1e-9
-        # Of one never seen before, position and so velocity are NaN.
-        velocity = (xy - self.xy[which]) / np.maximum(after_s, 1e-6)[:, None]
-        if fresh:
-            self._acceleration[which] = 0.0
-        else:
-            between_s = (after_s + self._before_s[which]) / 2.0
-            limit = self._look.config.max_acceleration_m_s2
-            bend = (velocity - self.velocity[which]) / between_s[:, None]
-            self._acceleration[which] = np.minimum(np.maximum(bend, -limit), limit)
-        self.velocity[which], self.xy[which] = velocity, xy
-        self._before_s[which], self._t_ns[which] = after_s, t_ns
-
-
-def _times(matrices: Floats, vectors: Floats) -> Floats:
-    """Products (n, 2) of matrices (n, 2, 2) with vectors (n, 2)."""
-    product: Floats = (matrices @ vectors[..., None])[..., 0]
-    return product
+    def keep(self, which: npt.NDArray[np.int64], found: Found, t_ns: int, *, fresh: bool) -> None:
+        """Take what was found (k,) as seen at t; fresh ones, found by search, tell no speed-up."""
+        limit = 0.0 if fresh else self._look.config.max_acceleration_m_s2
+        self._remember(
+            which, found.good, found.rows, t_ns, limit,
+            self.xy, self.velocity, self._acceleration, self._before_s, self._t_ns,
+        )  # fmt: skip

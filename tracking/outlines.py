@@ -47,11 +47,6 @@ class RingTemplates:
         pixels = view.camera.project(self.spread + feet[:, None, :])
         return pixels[:, :-1].reshape(len(xy), -1, 2, 2), pixels[:, -1]
 
-    def centres(self, view: View, xy: Floats) -> Floats:
-        """Pixels (n, 2) of the centres of the rings round (n, 2)."""
-        feet = xy @ view.rotation[:, :2].T + view.translation
-        return view.camera.project(self.spread[:, -1] + feet)
-
 
 def ring_templates(view: View, xy: Floats, planes: RingPlanes, lines: int) -> RingTemplates:
     """Templates of rings (n,) prepared round (n, 2)."""

@@ -9,7 +9,7 @@ image; size and flattening are harmonics 0 and 2, and nothing of one leaks into 
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TypeAlias
+from typing import TypeAlias, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -81,15 +81,20 @@ def fixed_maps(coordinates: Samples) -> FixedMaps:
     return np.asarray(whole, np.int16), np.asarray(part, np.uint16)
 
 
-def sample(image: Image, coordinates: Samples | FixedMaps) -> Samples:
+def sample(image: Image, coordinates: Samples) -> Samples:
+    """`grey_levels` as numbers to reckon with."""
+    return grey_levels(image, coordinates).astype(np.float32)
+
+
+def grey_levels(image: Image, coordinates: Samples | FixedMaps) -> Image:
     """Bilinear grey levels (n, points) at (n, points, 2); beyond the border its last pixel."""
     import cv2
 
     first, second = coordinates if isinstance(coordinates, tuple) else (coordinates, _NOTHING)
     if not len(first):
-        return np.zeros(first.shape[:2], np.float32)
+        return np.zeros(first.shape[:2], np.uint8)
     levels = cv2.remap(image, first, second, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return levels.astype(np.float32)
+    return cast(Image, levels)
 
 
 def _fixed(array: Floats) -> Floats:

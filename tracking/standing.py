@@ -8,39 +8,40 @@ import numpy as np
 import numpy.typing as npt
 
 from geometry import Floats, View
-from tracking.edges import area_filter
 from tracking.images import Image
-from tracking.marker_fit import MarkerFits
+from tracking.marker_fit import SHIFT
 from tracking.measuring import Look, line_steps, ring_coordinates
 from tracking.outlines import RingPlanes, ring_templates
-from tracking.profiles import Samples, fixed_maps
+from tracking.profiles import fixed_maps
 
 _SETTLING = 3
 _PROBE_PX = 0.25
-_STRAYED_PX = 0.5
-"""Further from where it stands it is measured afresh: the filter is exact near the edge only."""
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """n markers in one frame: whether each was found, where, and how it was fitted.
+    """n markers in one frame: whether each was found, and its row (11) of the frame's report.
 
-    centres_px, xy : (n, 2); floor_slopes : (n, 2, 2) d world / d pixel.
+    The columns of rows : (n, 11) are told in `tracking.kernels`.
     """
 
     good: npt.NDArray[np.bool_]
-    centres_px: Floats
-    xy: Floats
-    floor_slopes: Floats
-    fits: MarkerFits
+    rows: Floats
+
+    @property
+    def xy(self) -> Floats:
+        """Places (n, 2) on the floor."""
+        return self.rows[:, 2:4]
 
 
 class StandingMarkers:
     """n markers with a place each."""
 
     def __init__(self, view: View, planes: RingPlanes, xy: Floats, look: Look) -> None:
+        from tracking.kernels import standing_rows
+
         n = len(xy)
-        self._view, self._planes, self._look = view, planes, look
+        self._view, self._planes, self._look, self._rows = view, planes, look, standing_rows
         self.xy = np.array(xy, np.float64)
         self._centres = np.zeros((n, 2))
         self._floor_slopes = np.zeros((n, 2, 2))
@@ -52,20 +53,19 @@ class StandingMarkers:
         lines = look.config.lines
         self._coordinates = ring_coordinates(np.zeros((n, lines, 2, 2)), self._steps)
         self._maps = fixed_maps(self._coordinates)
-        self._filters: Samples | None = None
+        self._filters = look.area
         if n:
             self._lay_out(np.arange(n))
 
     def look(self, image: Image) -> Found:
         """Where they are now."""
-        assert self._filters is not None
-        fits = self._look.fits(image, self._maps, self._steps, self._filters, self._calm)
-        shift = fits.shift_px / self._gain[:, None]
-        good = self.settled & self._look.acceptable(fits, self._axes)
-        with np.errstate(invalid="ignore"):
-            good &= (shift * shift).sum(axis=1) < (_STRAYED_PX * self._steps) ** 2
-        xy = self.xy + np.einsum("nij,nj->ni", self._floor_slopes, shift)
-        return Found(good, self._centres + shift, xy, self._floor_slopes, fits)
+        look = self._look
+        fits = look.fits(image, self._maps, self._steps, self._filters, self._calm)
+        good, rows = self._rows(
+            fits, self._axes, self._steps, self._gain, self._centres, self.xy, self._floor_slopes,
+            look.limits,
+        )  # fmt: skip
+        return Found(good & self.settled, rows)
 
     def settle(
         self, image: Image, which: npt.NDArray[np.int64], xy: Floats
@@ -84,11 +84,11 @@ class StandingMarkers:
         for _ in range(_SETTLING):
             self._lay_out(which)
             steps = self._steps[which]
-            calm = self._look.calm(area_filter(2), steps)
+            calm = self._look.calm(self._look.area, steps)
             spots = self._coordinates[which]
-            fits = self._look.fits(image, spots, steps, area_filter(2), calm)
+            fits = self._look.fits(image, spots, steps, self._look.area, calm)
             good &= self._look.acceptable(fits, self._axes[which])
-            moved = np.einsum("nij,nj->ni", self._floor_slopes[which], fits.shift_px)
+            moved = np.einsum("nij,nj->ni", self._floor_slopes[which], fits[:, SHIFT])
             self.xy[which] += np.where(good[:, None], moved, 0.0)
         self.xy[which[~good]] = before[~good]
         self.settled[which[good]] = True
@@ -112,13 +112,12 @@ class StandingMarkers:
         """The gain of the matched filter for the blur that the picture really has."""
         if not which.size:
             return
-        assert self._filters is not None
-        filters = self._filters if self._filters.ndim == 2 else self._filters[which]
+        filters = self._filters if len(self._filters) == 1 else self._filters[which]
         seen = []
         for aside in (-_PROBE_PX, _PROBE_PX):
             shifted = self._coordinates[which] + np.array([aside, 0.0], np.float32)
             calm = self._calm[which]
             fits = self._look.fits(image, shifted, self._steps[which], filters, calm)
-            seen.append(fits.shift_px[:, 0])
+            seen.append(fits[:, 0])
         gain = (seen[0] - seen[1]) / (2.0 * _PROBE_PX)
         self._gain[which] = np.where((gain > 0.3) & (gain < 2.0), gain, 1.0)

@@ -8,7 +8,8 @@ position is LOST, and says so: no position is ever guessed.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +27,10 @@ from tracking.rings import RingSearch
 from tracking.standing import Found, StandingMarkers
 
 Indices = npt.NDArray[np.int64]
+_Enter: TypeAlias = Callable[
+    [Indices, npt.NDArray[np.bool_], Floats, float, Floats, npt.NDArray[np.int8]], None
+]
+_LOST = int(State.LOST)
 _REMEMBERED_NS = 1_000_000_000
 _FAR_M = 0.6
 """Looking for a marker further around than this is as dear as searching the whole picture."""
@@ -36,7 +41,8 @@ class RingTracker:
 
     view : the camera in its place. markers : all of them, one ratio of diameters. pair : front and
     rear ring of the car, by name, and how far apart they are. Frames go through `step` in the order
-    of their time; the first one is searched as a whole.
+    of their time; the first one is searched as a whole. Constructing one loads compiled kernels,
+    half a second, or ten once after an installation; no frame ever waits for that.
     """
 
     def __init__(
@@ -48,7 +54,9 @@ class RingTracker:
         search: RingSearch | None = None,
     ) -> None:
         self.markers = tuple(markers)
-        self.config = config = config or TrackerConfig()
+        from tracking.kernels import enter
+
+        self.config, self._enter = config or TrackerConfig(), enter
         names = [marker.name for marker in self.markers]
         if len(set(names)) != len(names) or not names:
             raise TrackingError(f"markers need names, each its own; got {names}")
@@ -62,7 +70,7 @@ class RingTracker:
             np.array([marker.shape.radius_m for marker in self.markers]),
             ratios.pop(),
         )
-        look = Look(config, self.markers[0].shape)
+        look = Look(self.config, self.markers[0].shape)
         places = [m.place_m for m in self.markers if m.place_m is not None]
         self._standing = StandingMarkers(
             view, planes.take(self._stand), np.array(places).reshape(-1, 2), look
@@ -102,13 +110,13 @@ class RingTracker:
         if self._t_ns is not None and t_ns <= self._t_ns:
             raise TrackingError(f"frames must come in order of time: {t_ns} after {self._t_ns}")
         self._t_ns = t_ns
-        report = _Report(len(self.markers))
+        report = _Report(len(self.markers), self.config.whole_inliers, self._enter)
         if self._stand.size:
-            report.put(self._stand, self._standing.look(grey), self.config.whole_inliers)
+            report.put(self._stand, self._standing.look(grey))
             if not self._standing.settled.all():
                 self._settle_in_place(grey, report)
         self._follow(grey, t_ns, report)
-        if (report.states == State.LOST).any():
+        if (report.states == _LOST).any():
             self._search(grey, t_ns, report)
         self._states = report.states
         self._remember_car(report, t_ns)
@@ -120,19 +128,18 @@ class RingTracker:
         settled = self._standing.settle(grey, fresh, self._places[fresh])
         if settled.size:
             seen = self._standing.look(grey)
-            report.put(self._stand, seen, self.config.whole_inliers, only=self._stand[settled])
+            report.put(self._stand, seen, only=self._stand[settled])
 
     def _follow(self, grey: Image, t_ns: int, report: _Report) -> None:
         """Movers whose speed is known are looked for where they must be."""
-        local = np.flatnonzero(np.isfinite(self._moving.velocity).all(axis=1))
-        alive = self._states[self._move[local]] != State.LOST
-        local = local[alive]
+        known = np.isfinite(self._moving.velocity).all(axis=1)
+        local = np.flatnonzero(known & (self._states[self._move] != _LOST))
         if not local.size:
             return
         found = self._moving.look(grey, local, self._moving.predicted(t_ns)[local])
         found = self._held_together(found, local)
-        self._moving.keep(local[found.good], found.xy[found.good], t_ns, False)
-        report.put(self._move[local], found, self.config.whole_inliers)
+        self._moving.keep(local, found, t_ns, fresh=False)
+        report.put(self._move[local], found)
 
     def _held_together(self, found: Found, local: Indices) -> Found:
         """The rings of the car keep their distance; if not, neither is believed."""
@@ -209,7 +216,7 @@ class RingTracker:
         settled = self._standing.settle(grey, local[hit], places[hit, matches[hit]])
         if settled.size:
             seen = self._standing.look(grey)
-            report.put(self._stand, seen, self.config.whole_inliers, only=self._stand[settled])
+            report.put(self._stand, seen, only=self._stand[settled])
 
     def _move_again(
         self, grey: Image, matches: Indices, places: Floats, t_ns: int, report: _Report
@@ -219,8 +226,8 @@ class RingTracker:
             return
         seen = self._moving.look(grey, hit, places[hit, matches[hit]])
         seen = self._held_together(seen, hit)
-        self._moving.keep(hit[seen.good], seen.xy[seen.good], t_ns, True)
-        report.put(self._move[hit], seen, self.config.whole_inliers)
+        self._moving.keep(hit, seen, t_ns, fresh=True)
+        report.put(self._move[hit], seen)
 
     def _reach(self, t_ns: int) -> Floats:
         """How far each mover (n,) can be from its prediction; infinite when never seen."""
@@ -244,8 +251,9 @@ class RingTracker:
         if self._pair is None:
             return
         front, rear = int(self._move[self._pair.front]), int(self._move[self._pair.rear])
-        if State.LOST not in (report.states[front], report.states[rear]):
-            self._ends, self._remembered_ns = report.xy[[front, rear]], t_ns
+        if report.states[front] != _LOST and report.states[rear] != _LOST:
+            self._ends[0], self._ends[1] = report.xy[front], report.xy[rear]
+            self._remembered_ns = t_ns
 
     def _ring_pair(self, front: str, rear: str, distance_m: float) -> RingPair:
         movers = [self.markers[i].name for i in self._move]
@@ -257,25 +265,16 @@ class RingTracker:
 class _Report:
     """A frame's results while they come in."""
 
-    def __init__(self, n: int) -> None:
-        self.states = np.full(n, State.LOST, np.int8)
+    def __init__(self, n: int, whole: float, enter: _Enter) -> None:
+        self._whole, self._enter = whole, enter
+        self.states = np.full(n, _LOST, np.int8)
         self._rows = np.full((n, 11), np.nan)
         self.centres, self.xy = self._rows[:, :2], self._rows[:, 2:4]
 
-    def put(self, which: Indices, found: Found, whole: float, only: Indices | None = None) -> None:
+    def put(self, which: Indices, found: Found, only: Indices | None = None) -> None:
         """Enter what was found of the markers `which`, or of those of them that are in `only`."""
         good = found.good if only is None else found.good & np.isin(which, only)
-        fits, slopes = found.fits, found.floor_slopes
-        n = len(which)
-        rows = np.empty((n, 11))
-        rows[:, :2], rows[:, 2:4] = found.centres_px, found.xy
-        rows[:, 4:8] = (slopes @ fits.covariance_px @ slopes.transpose(0, 2, 1)).reshape(n, 4)
-        rows[:, 8], rows[:, 9], rows[:, 10] = fits.inliers, fits.scatter_px, fits.contrast
-        states = np.where(fits.inliers >= whole, np.int8(State.SEEN), np.int8(State.PARTLY))
-        at = which
-        if not good.all():
-            at, rows, states = which[good], rows[good], states[good]
-        self._rows[at], self.states[at] = rows, states
+        self._enter(which, good, found.rows, self._whole, self._rows, self.states)
 
     def known_px(self) -> Floats:
         """Where rings are that need no owner any more, (j, 2)."""
