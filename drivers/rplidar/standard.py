@@ -126,9 +126,11 @@ class StandardDecoder:
         distances = np.ndarray((count,), _WORD, buffer, at + 3, (NODE_BYTES,))
         first, self._next_index = self._next_index, self._next_index + count
         self._last_q6 = int(angles[-1])
+        epochs = np.empty(count, np.int64)
+        epochs.fill(self._epoch)  # a third of the time of np.full
         return Beams(
             np.arange(first, first + count),
-            np.full(count, self._epoch),
+            epochs,
             angles.astype(np.int32),
             distances.astype(np.int32),
             flags >> _QUALITY_SHIFT,
