@@ -86,6 +86,7 @@ FASTSLAM_PRESETS = {
     ),
     # 500 particles: on the laps of tests/slam/fastslam_reference.py 100 to 1000 are alike in mean
     # error (3.1 to 3.5 cm, 20 seeds); from 500 on no lap in twenty was off by more than 7.5 cm.
+    # That was under earlier motion noise and landmark rules; not measured again under these.
     # 0.05 per m and rad is one clutter or new cone in two scans over 2 m and the full circle.
     "robust": FastSlamConfig(
         motion=ROBUST_MOTION,
