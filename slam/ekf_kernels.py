@@ -11,16 +11,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from geometry import Floats
 from slam.association import IGNORED, INVALID, NEW, OVER_LIMIT, squared_distance, usable
 from slam.kernels import kernel, wrapped
-from slam.landmarks import Records
+from slam.landmarks import Records, Slots, begin
 from slam.motion import propagate
 from slam.observation import innovation, jacobian, variances
-
-Slots = npt.NDArray[np.int64]
 
 
 @kernel
@@ -70,6 +67,17 @@ def symmetric_columns(P: Floats, columns: Slots, dimension: int) -> Floats:
 
 
 @kernel
+def seen_columns(P: Floats, dimension: int, slots: Slots) -> Floats:
+    """Columns of car and seen landmarks as rows: x, y, heading, then x, y of each of `slots`."""
+    columns = np.empty(3 + 2 * slots.size, dtype=np.int64)
+    for i in range(3):
+        columns[i] = i
+    for i in range(slots.size):
+        columns[3 + 2 * i], columns[4 + 2 * i] = 3 + 2 * slots[i], 4 + 2 * slots[i]
+    return symmetric_columns(P, columns, dimension)
+
+
+@kernel
 def linearise(
     x: Floats,
     P: Floats,
@@ -85,12 +93,7 @@ def linearise(
     m = slots.size
     nu, H = np.empty(2 * m), np.empty((2 * m, 2))
     HP = np.empty((4 * ((m + 1) // 2), dimension))
-    columns = np.empty(3 + 2 * m, dtype=np.int64)
-    for i in range(3):
-        columns[i] = i
-    for i in range(m):
-        columns[3 + 2 * i], columns[4 + 2 * i] = 3 + 2 * slots[i], 4 + 2 * slots[i]
-    taken = symmetric_columns(P, columns, dimension)
+    taken = seen_columns(P, dimension, slots)
     for i in range(m):
         j = 3 + 2 * slots[i]
         nu[2 * i], nu[2 * i + 1], expected_m, dx, dy = innovation(
@@ -193,6 +196,17 @@ def subtract_outer(P: Floats, W: Floats) -> None:
 
 
 @kernel
+def correct(x: Floats, P: Floats, W: Floats, nu: Floats) -> None:
+    """Move the state by the whitened innovation and take W^T W off P, in place; see `whiten`."""
+    for k in range(nu.size):
+        row, factor = W[k], nu[k]
+        for i in range(W.shape[1]):
+            x[i] += row[i] * factor
+    x[2] = wrapped(x[2])
+    subtract_outer(P, W)
+
+
+@kernel
 def update(
     x: Floats, P: Floats, dimension: int, slots: Slots, range_m: Floats, bearing_rad: Floats,
     noise: Floats, inflation: Floats,
@@ -207,12 +221,7 @@ def update(
     S = innovation_covariance(H, W, slots, range_m, noise, inflation)
     if not whiten(S, W, nu):
         return False
-    for k in range(nu.size):
-        row, factor = W[k], nu[k]
-        for i in range(dimension):
-            x[i] += row[i] * factor
-    x[2] = wrapped(x[2])
-    subtract_outer(P, W)
+    correct(x, P, W, nu)
     return True
 
 
@@ -331,11 +340,7 @@ def enter(
     bearing_rad: float, t_ns: int, noise: Floats,
 ) -> None:  # fmt: skip
     """Begin the landmark of a slot with the one observation that sees it now."""
-    record = records[slot]
-    record.landmark_id, record.t_added_ns, record.n_seen = name, t_ns, 1
-    record.rejected_in_a_row = 0
-    record.x_added_m, record.y_added_m = x[0], x[1]
-    record.range_added_m, record.log_odds = range_m, 0.0
+    begin(records[slot], name, range_m, t_ns, x)
     place_landmark(x, P, dimension, slot, range_m, bearing_rad, noise)
 
 

@@ -67,6 +67,15 @@ def rules_array(rules: LandmarkRules) -> Floats:
 
 
 @kernel
+def begin(record, name: int, range_m: float, t_ns: int, x: Floats) -> None:  # type: ignore[no-untyped-def]  # numba's record
+    """What is kept of a landmark that is seen for the first time, by a car at x."""
+    record.landmark_id, record.t_added_ns, record.n_seen = name, t_ns, 1
+    record.rejected_in_a_row = 0
+    record.x_added_m, record.y_added_m = x[0], x[1]
+    record.range_added_m, record.log_odds = range_m, 0.0
+
+
+@kernel
 def detection_probability(range_m: float, rules: Floats) -> float:
     """How likely a landmark at this range is detected when nothing is in the way."""
     near_possible, near_certain = rules[NEAR_POSSIBLE], rules[NEAR_CERTAIN]

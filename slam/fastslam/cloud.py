@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometry import Floats
-from slam.kernels import kernel, wrapped
+from slam.kernels import inlined, kernel, wrapped
 from slam.motion import increment_covariance
 
 Integers = npt.NDArray[np.int32]
@@ -217,17 +217,23 @@ def resample(cloud: Cloud, copies: npt.NDArray[np.int64]) -> None:
             dead += 1
 
 
+@inlined
+def copy_landmark(cloud: Cloud, source: int, j: int, target: int, k: int) -> None:
+    """Put landmark j of one particle, with everything known of it, in place k of another."""
+    cloud.landmark_x[target, k] = cloud.landmark_x[source, j]
+    cloud.landmark_y[target, k] = cloud.landmark_y[source, j]
+    cloud.covariance[target, k, 0] = cloud.covariance[source, j, 0]
+    cloud.covariance[target, k, 1] = cloud.covariance[source, j, 1]
+    cloud.covariance[target, k, 2] = cloud.covariance[source, j, 2]
+    cloud.evidence[target, k] = cloud.evidence[source, j]
+    cloud.seen[target, k] = cloud.seen[source, j]
+    cloud.birth[target, k] = cloud.birth[source, j]
+
+
 @kernel
 def _copy(cloud: Cloud, source: int, target: int) -> None:
     cloud.x[target], cloud.y[target] = cloud.x[source], cloud.y[source]
     cloud.heading[target] = cloud.heading[source]
     cloud.landmarks[target] = cloud.landmarks[source]
     for j in range(cloud.landmarks[source]):
-        cloud.landmark_x[target, j] = cloud.landmark_x[source, j]
-        cloud.landmark_y[target, j] = cloud.landmark_y[source, j]
-        cloud.covariance[target, j, 0] = cloud.covariance[source, j, 0]
-        cloud.covariance[target, j, 1] = cloud.covariance[source, j, 1]
-        cloud.covariance[target, j, 2] = cloud.covariance[source, j, 2]
-        cloud.evidence[target, j] = cloud.evidence[source, j]
-        cloud.seen[target, j] = cloud.seen[source, j]
-        cloud.birth[target, j] = cloud.birth[source, j]
+        copy_landmark(cloud, source, j, target, j)

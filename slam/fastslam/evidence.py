@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from geometry import Floats
 from slam.eyesight import SECTORS, note, sector, share
-from slam.fastslam.cloud import Cloud
+from slam.fastslam.cloud import Cloud, copy_landmark
 from slam.fastslam.scan import Scan, Scratch, Watch
 from slam.kernels import kernel, wrapped
 from slam.landmarks import (
@@ -186,12 +186,5 @@ def _hidden(
 def _remove(cloud: Cloud, p: int, j: int) -> None:
     """Move the last landmark, with everything known of it, into the place of j."""
     last = cloud.landmarks[p] - 1
-    cloud.landmark_x[p, j] = cloud.landmark_x[p, last]
-    cloud.landmark_y[p, j] = cloud.landmark_y[p, last]
-    cloud.covariance[p, j, 0] = cloud.covariance[p, last, 0]
-    cloud.covariance[p, j, 1] = cloud.covariance[p, last, 1]
-    cloud.covariance[p, j, 2] = cloud.covariance[p, last, 2]
-    cloud.evidence[p, j] = cloud.evidence[p, last]
-    cloud.seen[p, j] = cloud.seen[p, last]
-    cloud.birth[p, j] = cloud.birth[p, last]
+    copy_landmark(cloud, p, last, p, j)
     cloud.landmarks[p] = last

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from abc import ABC, abstractmethod
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +20,7 @@ from slam.landmarks import Slots
 GAUSSIAN_ASSOCIATIONS = ("known", "nearest")
 
 
-class GaussianSlam(EkfSlam):
+class GaussianSlam(EkfSlam, ABC):
     """EKF-SLAM in all but how it linearises: subclasses say what a sight is.
 
     names : (m,) after an update, the landmark that each of its observations went into, -1 none.
@@ -28,9 +29,9 @@ class GaussianSlam(EkfSlam):
     names: npt.NDArray[np.int64] = np.empty(0, dtype=np.int64)
     _by_sigma = False
 
+    @abstractmethod
     def _sights(self) -> Floats:
         """(n, 11), see `slam.gaussian.sights`."""
-        raise NotImplementedError
 
     def _corrected(self, before: Floats) -> None:
         """Called when an update has moved the state from `before` (3 + 2n,)."""

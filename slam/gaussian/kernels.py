@@ -9,9 +9,9 @@ import numpy as np
 
 from geometry import Floats
 from slam.association import IGNORED, INVALID, NEW, OVER_LIMIT, squared_norm, usable
-from slam.ekf_kernels import subtract_outer, symmetric_columns, whiten
+from slam.ekf_kernels import correct, seen_columns, whiten
 from slam.kernels import kernel, wrapped
-from slam.landmarks import Records, Slots
+from slam.landmarks import Records, Slots, begin
 from slam.observation import variances
 
 
@@ -56,12 +56,7 @@ def seen_rows(P: Floats, dimension: int, slots: Slots, sights: Floats) -> Floats
     """H P of the sights of m landmarks: 2m rows and, up to a multiple of four, rows of zeros."""
     m = slots.size
     HP = np.zeros((4 * ((m + 1) // 2), dimension))
-    columns = np.empty(3 + 2 * m, dtype=np.int64)
-    for i in range(3):
-        columns[i] = i
-    for i in range(m):
-        columns[3 + 2 * i], columns[4 + 2 * i] = 3 + 2 * slots[i], 4 + 2 * slots[i]
-    taken = symmetric_columns(P, columns, dimension)
+    taken = seen_columns(P, dimension, slots)
     for i in range(m):
         s = sights[slots[i]]
         a, b, c, d, turn_r, turn_b = s[2], s[3], s[4], s[5], s[9], s[10]
@@ -113,11 +108,7 @@ def update(
         nu[2 * i + 1] = wrapped(bearing_rad[i] - sights[slots[i], 1])
     if not whiten(S, W, nu):
         return False
-    for k in range(nu.size):
-        for i in range(dimension):
-            x[i] += W[k, i] * nu[k]
-    x[2] = wrapped(x[2])
-    subtract_outer(P, W)
+    correct(x, P, W, nu)
     return True
 
 
@@ -195,15 +186,6 @@ def enter(
             moved += 1
         slots[i] = IGNORED
     return added, over_limit, entered[: added + moved]
-
-
-@kernel
-def begin(record, name: int, range_m: float, t_ns: int, x: Floats) -> None:  # type: ignore[no-untyped-def]  # numba's record
-    """What is kept of a landmark that is seen for the first time, by a car at x."""
-    record.landmark_id, record.t_added_ns, record.n_seen = name, t_ns, 1
-    record.rejected_in_a_row = 0
-    record.x_added_m, record.y_added_m = x[0], x[1]
-    record.range_added_m, record.log_odds = range_m, 0.0
 
 
 @kernel
