@@ -11,7 +11,14 @@ from calibration.errors import CalibrationError
 from capture import LoggedImage, Session
 from capture.session_info import FILE_NAME
 from drivers import Device, DriverError
-from drivers.camera import Frame, VideoFile, VideoFileConfig, grey_image, read_jpeg_header
+from drivers.camera import (
+    Frame,
+    VideoFile,
+    VideoFileConfig,
+    decode_grey,
+    grey_image,
+    read_jpeg_header,
+)
 from tracking import Image
 
 SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".pgm")
@@ -82,29 +89,19 @@ def _of_folder(folder: Path, skipped: Skipped) -> Iterator[Picture]:
 
 
 def _read_all(files: list[Path], skipped: Skipped) -> Iterator[Picture]:
-    import cv2
-    import numpy as np
-
     for file in files:
-        raw = np.fromfile(file, np.uint8)
-        how = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
-        image = cv2.imdecode(raw, how) if raw.size else None
+        image = decode_grey(file.read_bytes())
         if image is None:
             skipped.lines.append(f"{file}: left out: no picture that can be read")
             continue
-        yield Picture(file.name, np.asarray(image, np.uint8))
+        yield Picture(file.name, image)
 
 
 def decoded(logged: LoggedImage) -> Image | None:
     """The picture, grey; None where its bytes are cut off or no picture."""
-    import cv2
-    import numpy as np
-
     if logged.format == "jpeg" and read_jpeg_header(logged.data).fault is not None:
         return None
-    raw = np.frombuffer(logged.data, np.uint8)
-    image = cv2.imdecode(raw, cv2.IMREAD_GRAYSCALE) if raw.size else None
-    return None if image is None else np.asarray(image, np.uint8)
+    return decode_grey(logged.data)
 
 
 def _of_session(folder: Path, skipped: Skipped) -> Iterator[Picture]:

@@ -7,11 +7,9 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from capture import Session
 from drivers import DriverError
-from drivers.camera import VideoFile, VideoFileConfig, grey_image, read_jpeg_header
+from drivers.camera import VideoFile, VideoFileConfig, decode_grey, grey_image, read_jpeg_header
 from tracking.errors import TrackingError
 from tracking.images import Image
 from tracking.still_rings import BLACK
@@ -100,17 +98,14 @@ def still_images(film: Film, seconds: float) -> Iterator[Image]:
 
 
 def _decoded(kind: str, data: bytes) -> tuple[Image | None, str]:
-    import cv2
-
     if kind == "jpeg":
         fault = read_jpeg_header(data).fault
         if fault is not None:
             return None, f"damaged: {fault}"
-    raw = np.frombuffer(data, np.uint8)
-    image = cv2.imdecode(raw, cv2.IMREAD_GRAYSCALE) if raw.size else None
+    image = decode_grey(data)
     if image is None:
         return None, f"damaged: {len(data)} bytes of {kind} are no picture"
-    return _judged(np.asarray(image, np.uint8))
+    return _judged(image)
 
 
 def _judged(image: Image) -> tuple[Image | None, str]:

@@ -11,7 +11,7 @@ from drivers.camera.errors import CameraFileError
 from drivers.camera.files import ImageFolder, ImageFolderConfig
 from drivers.camera.frame import Frame, FrameFormat, Stamp
 from drivers.camera.header import ImageHeader, read_header, read_jpeg_header
-from drivers.camera.image import grey_image, split_stereo
+from drivers.camera.image import decode_grey, grey_image, split_stereo
 from drivers.camera.v4l2 import CameraEmulator, V4l2Camera, V4l2Config
 from drivers.camera.video_file import VideoFile, VideoFileConfig
 from drivers.camera.zed import (
@@ -42,6 +42,7 @@ __all__ = [
     "VideoFileConfig",
     "ZedCamera",
     "ZedConfig",
+    "decode_grey",
     "grey_image",
     "list_cameras",
     "parse_zed_settings",
