@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from calibration.length import grid_size, length
-from dialogue import TABLE_FORMATS, Cell, Table, UsageError
+from dialogue import Cell, Table, UsageError
+from dialogue.options import format_option
 
 if TYPE_CHECKING:
     from calibration.camera import Sightings
@@ -21,9 +22,6 @@ if TYPE_CHECKING:
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 _PATH = click.Path(path_type=Path)
 
-_FORMAT = click.option(
-    "--format", "table_format", type=click.Choice(TABLE_FORMATS), default="table", show_default=True
-)
 _FOLDER = click.option(
     "-o",
     "--output",
@@ -253,7 +251,7 @@ def verify(
 @click.argument(
     "place", type=click.Path(path_type=Path), default=Path("calibration"), required=False
 )
-@_FORMAT
+@format_option()
 def show(place: Path, table_format: str) -> None:
     """The calibrations in force: the newest camera and world of a folder, or one file."""
     from capture import (

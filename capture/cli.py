@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dialogue import TABLE_FORMATS, Cell, Table, UsageError
+from dialogue import Cell, Table, UsageError
+from dialogue.options import format_option
 
 if TYPE_CHECKING:
     from capture.import_bag import BagImport
@@ -162,14 +163,7 @@ def export_rosbag1_command(session: Path, out: Path) -> None:
 
 @click.command("info")
 @_SESSION
-@click.option(
-    "--format",
-    "table_format",
-    type=click.Choice(TABLE_FORMATS),
-    default="table",
-    show_default=True,
-    help="How to print the table.",
-)
+@format_option()
 def info(session: Path, table_format: str) -> None:
     """What a session holds: streams, counts, rates, truth, estimates."""
     from capture.session import Session

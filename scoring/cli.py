@@ -21,7 +21,8 @@ from capture import (
     read_tum,
     write_text,
 )
-from dialogue import TABLE_FORMATS, UsageError
+from dialogue import UsageError
+from dialogue.options import format_option
 from scoring.flags import GroupedCommand, options_from_flags, score_flags
 from scoring.options import PRESETS, ScoreOptions
 from scoring.result import Score, to_json
@@ -79,14 +80,7 @@ class _Inputs:
 @click.option(
     "--map", "maps", type=_FILE, multiple=True, metavar="FILE", help="Map of each --path, in order."
 )
-@click.option(
-    "--format",
-    "output_format",
-    type=click.Choice(TABLE_FORMATS),
-    default="table",
-    show_default=True,
-    help="What is printed.",
-)
+@format_option("What is printed.")
 @click.option("-o", "--output", type=_FILE, metavar="FILE", help="Write the scores as JSON too.")
 @click.option("--report", type=_FILE, metavar="FILE", help="Write the report (HTML) there.")
 @click.option("--no-report", is_flag=True, help="Write no report into the session.")
@@ -112,7 +106,7 @@ def score(
     cones: Path | None,
     paths: tuple[Path, ...],
     maps: tuple[Path, ...],
-    output_format: str,
+    table_format: str,
     output: Path | None,
     report: Path | None,
     no_report: bool,
@@ -142,7 +136,7 @@ def score(
         scores = _scores_of_session(opened, names, options)
         _keep_scores(opened, scores)
         report = report or (None if no_report else session / "report.html")
-    click.echo(_rendered(scores, options, output_format))
+    click.echo(_rendered(scores, options, table_format))
     if output is not None:
         write_text(output, _json(scores) + "\n")
     if errors is not None:
@@ -226,15 +220,15 @@ def _with_losses(result: Score, losses: dict[Path, int]) -> Score:
     return replace(result, remarks=(*remarks, *result.remarks))
 
 
-def _rendered(scores: Sequence[Score], options: ScoreOptions, output_format: str) -> str:
-    if output_format == "json":
+def _rendered(scores: Sequence[Score], options: ScoreOptions, table_format: str) -> str:
+    if table_format == "json":
         return _json(scores)
-    if output_format == "csv":
+    if table_format == "csv":
         return flat_table(scores).render("csv")
     tables = [overview_table(scores)] if len(scores) > 1 else []
     tables += [error_table(result, options.weights) for result in scores]
     tables.append(metric_table(scores))
-    return "\n\n".join(table.render(output_format) for table in tables)
+    return "\n\n".join(table.render(table_format) for table in tables)
 
 
 def _json(scores: Sequence[Score]) -> str:

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import click
 
-from dialogue import TABLE_FORMATS, Cell, Table, UsageError
+from dialogue import Cell, Table, UsageError
+from dialogue.options import format_option
 
 
 @click.command("devices")
@@ -20,9 +21,7 @@ from dialogue import TABLE_FORMATS, Cell, Table, UsageError
     "--port", "extra", multiple=True, metavar="PATH", help="Ask this port as well; repeatable."
 )
 @click.option("--udev-rules", is_flag=True, help="Print the udev rules of a car, and end.")
-@click.option(
-    "--format", "table_format", type=click.Choice(TABLE_FORMATS), default="table", show_default=True
-)
+@format_option()
 @click.pass_context
 def devices(
     ctx: click.Context,

@@ -13,7 +13,8 @@ from pathlib import Path
 
 import click
 
-from dialogue import TABLE_FORMATS, Table
+from dialogue import Table
+from dialogue.options import format_option
 from trackside.finding import Finding
 
 OUR_NAMES = (
@@ -51,9 +52,7 @@ RIG_NAME = "rig.yaml"
     type=click.Path(path_type=Path),
     help="Also look at its devices and at this machine.  [default: rig.yaml, if there is one here]",
 )
-@click.option(
-    "--format", "table_format", type=click.Choice(TABLE_FORMATS), default="table", show_default=True
-)
+@format_option()
 @click.pass_context
 def doctor(ctx: click.Context, rig_file: Path | None, table_format: str) -> None:
     """What would spoil a recording here, and what to do; exit code 1 if anything would.

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dialogue import TABLE_FORMATS, Cell, Table, asked_to_end
+from dialogue import Cell, Table, asked_to_end
+from dialogue.options import format_option
 
 if TYPE_CHECKING:
     from capture.recording.facts import RecordingFacts
@@ -20,14 +21,6 @@ if TYPE_CHECKING:
 POLL_S = 0.2
 
 _SESSION = click.argument("session", type=click.Path(path_type=Path))
-_FORMAT = click.option(
-    "--format",
-    "table_format",
-    type=click.Choice(TABLE_FORMATS),
-    default="table",
-    show_default=True,
-    help="How to print the table.",
-)
 _OPTIONS = (
     click.option(
         "--rig",
@@ -141,7 +134,7 @@ def _summarise(recorder: Recorder) -> None:
 
 @click.command("check")
 @_SESSION
-@_FORMAT
+@format_option()
 @click.pass_context
 def check(ctx: click.Context, session: Path, table_format: str) -> None:
     """Is a recording any good? The same verdict as when it ended; exit code 1 if it is bad."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from drivers.imu.sample import STANDARD_GRAVITY_M_S2, Vector
+from drivers.imu.sample import STANDARD_GRAVITY_M_S2, Vector, vector
 
 LEAST_S = 2.0
 MOST_STD_RAD_S = float(np.deg2rad(0.3))
@@ -74,8 +74,8 @@ def still_bias(
     gravity = float(np.linalg.norm(accel, axis=1).mean())
     outliers = int(np.count_nonzero(out))
     return StillBias(
-        _vector(mean),
-        _vector(std),
+        vector(mean),
+        vector(std),
         gravity,
         temperature_c,
         duration_s,
@@ -101,8 +101,3 @@ def _faults(
     if outliers > MOST_OUTLIERS:
         faults.append(f"{100.0 * outliers:.1f} % of the rows do not belong: bad wires")
     return faults
-
-
-def _vector(values: Floats) -> Vector:
-    x, y, z = (float(value) for value in values)
-    return (x, y, z)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -11,6 +11,12 @@ STANDARD_GRAVITY_M_S2 = 9.80665
 
 Vector: TypeAlias = tuple[float, float, float]
 """x, y, z in the frame of the accelerometer."""
+
+
+def vector(values: Iterable[float]) -> Vector:
+    """Three numbers of an array as plain floats. Raises `ValueError` where they are not three."""
+    x, y, z = (float(value) for value in values)
+    return (x, y, z)
 
 
 @dataclass(frozen=True)

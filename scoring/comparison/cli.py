@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dialogue import TABLE_FORMATS
+from dialogue.options import format_option
 
 if TYPE_CHECKING:
     from scoring.comparison.compare import Comparison, GroupBy
@@ -60,14 +60,7 @@ FORMAT = 1
     show_default=True,
     help="Kind of 95 % bootstrap interval.",
 )
-@click.option(
-    "--format",
-    "table_format",
-    type=click.Choice(TABLE_FORMATS),
-    default="table",
-    show_default=True,
-    help="How to print; json and csv hold one row per figure, csv one block per table.",
-)
+@format_option("How to print; json and csv hold one row per figure, csv one block per table.")
 @click.option(
     "--report",
     type=click.Path(dir_okay=False, path_type=Path),

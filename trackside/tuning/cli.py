@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dialogue import TABLE_FORMATS, Progress, TracksideError, UsageError
+from dialogue import Progress, TracksideError, UsageError
+from dialogue.options import format_option
 from scoring.flags import GroupedCommand, options_from_flags, score_flags
 from scoring.options import PRESETS as SCORE_PRESETS
 
@@ -75,9 +76,7 @@ SHOWN = 20
     show_default=True,
     help="Folder for results; a search that was interrupted goes on from there.",
 )
-@click.option(
-    "--format", "table_format", type=click.Choice(TABLE_FORMATS), default="table", show_default=True
-)
+@format_option()
 @click.option(
     "--score-preset",
     type=click.Choice(tuple(SCORE_PRESETS)),

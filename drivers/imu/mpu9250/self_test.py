@@ -15,7 +15,7 @@ import numpy.typing as npt
 from drivers.errors import DeviceFaultError
 from drivers.imu.mpu9250 import registers as reg
 from drivers.imu.mpu9250.bus import Bus
-from drivers.imu.sample import Vector
+from drivers.imu.sample import Vector, vector
 
 SAMPLES = 200
 SETTLE_S = 0.020
@@ -80,11 +80,11 @@ def judge_self_test(codes: bytes, off: Counts, on: Counts) -> SelfTest:
     if off_by_g > ACCEL_MOST_OFFSET_G:
         faults.append(f"the accelerometer is {off_by_g:.2f} g off at rest")
     return SelfTest(
-        _vector(gyro_ratio),
-        _vector(accel_ratio),
-        _vector(gyro),
-        _vector(accel),
-        _vector(offset),
+        vector(gyro_ratio),
+        vector(accel_ratio),
+        vector(gyro),
+        vector(accel),
+        vector(offset),
         tuple(faults),
     )
 
@@ -146,8 +146,3 @@ def _accel_answers(ratio: float, answer_g: float) -> bool:
     if np.isnan(ratio):
         return ACCEL_LIMITS_G[0] <= abs(answer_g) <= ACCEL_LIMITS_G[1]
     return ACCEL_RATIOS[0] < ratio < ACCEL_RATIOS[1]
-
-
-def _vector(values: Counts) -> Vector:
-    x, y, z = (float(value) for value in values)
-    return (x, y, z)
