@@ -6,7 +6,7 @@ every setting back; `driver` polls; `emulator` is a bus with a chip on it, down 
 
 from drivers.imu.mpu9250.bus import Bus, SmbusBus
 from drivers.imu.mpu9250.driver import Mpu9250
-from drivers.imu.mpu9250.emulator import FakeMpu9250Bus
+from drivers.imu.mpu9250.emulator import FakeMpu9250Bus, RealTimeMpu9250Bus
 from drivers.imu.mpu9250.protocol import Mpu9250Decoder
 from drivers.imu.mpu9250.self_test import SelfTest
 from drivers.imu.mpu9250.start import Mpu9250Config
@@ -17,6 +17,7 @@ __all__ = [
     "Mpu9250",
     "Mpu9250Config",
     "Mpu9250Decoder",
+    "RealTimeMpu9250Bus",
     "SelfTest",
     "SmbusBus",
 ]

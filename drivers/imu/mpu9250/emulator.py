@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import math
 import struct
+import time
 
 from drivers.imu.mpu9250 import registers as reg
 from drivers.imu.mpu9250.protocol import Settings, accelerometer_axes
@@ -224,6 +225,20 @@ class FakeMpu9250Bus:
             for value, adjust in zip(accelerometer_axes(field_t), self.sensitivity, strict=True)
         )
         return struct.pack("<3h", *(max(min(round(value), 32760), -32760) for value in counts))
+
+
+class RealTimeMpu9250Bus(FakeMpu9250Bus):
+    """The same at real pace, by the machine's monotonic clock; begin it at `start_ns` of that."""
+
+    def now_ns(self) -> int:
+        """The machine's monotonic clock."""
+        self._now_ns = time.monotonic_ns()
+        return self._now_ns
+
+    def pause(self, seconds: float) -> None:
+        """Sleep."""
+        time.sleep(seconds)
+        self.now_ns()
 
 
 def _int16(value: float) -> int:

@@ -33,7 +33,7 @@ from capture.topics import OVERHEAD_LOG_NAME, OVERHEAD_TOPIC
 from drivers import DeviceModel, PtyEmulator
 from drivers.camera import CameraEmulator, RealClock, V4l2Camera, V4l2Config
 from drivers.imu import Motion
-from drivers.imu.mpu9250 import FakeMpu9250Bus, Mpu9250, Mpu9250Config
+from drivers.imu.mpu9250 import Mpu9250, Mpu9250Config, RealTimeMpu9250Bus
 from drivers.rplidar import RPLidar, RPLidarConfig, RPLidarModel, a2m8
 from drivers.vesc import Firmware, SourceMotor, Vesc, VescConfig, VescModel, VescValues
 
@@ -183,21 +183,9 @@ class Use:
     verdict: Verdict
 
 
-class RealTimeBus(FakeMpu9250Bus):
-    """The fake bus by the machine's own clock."""
-
-    def now_ns(self) -> int:
-        self._now_ns = time.monotonic_ns()
-        return self._now_ns
-
-    def pause(self, seconds: float) -> None:
-        time.sleep(seconds)
-        self.now_ns()
-
-
 def rig_streams(emulated: Emulated, utc: UtcLine, *, camera: bool) -> dict[str, Stream]:
     """The streams of the whole rig."""
-    bus = RealTimeBus(told_by_gyro, start_ns=time.monotonic_ns())
+    bus = RealTimeMpu9250Bus(told_by_gyro, start_ns=time.monotonic_ns())
     bus.rate_error = IMU_ERROR
     imu = Mpu9250(Mpu9250Config(rate_hz=IMU_HZ), lambda _: bus)
     vesc = Vesc(VescConfig(port=emulated.vesc_path, rate_hz=VESC_HZ))

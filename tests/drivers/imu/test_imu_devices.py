@@ -11,20 +11,8 @@ import pytest
 
 from drivers import Device, DeviceReader, PtyEmulator, Reading
 from drivers.imu import ImuSample
-from drivers.imu.mpu9250 import FakeMpu9250Bus, Mpu9250
+from drivers.imu.mpu9250 import Mpu9250, RealTimeMpu9250Bus
 from drivers.imu.razor import Razor, RazorConfig, RazorModel
-
-
-class RealTimeBus(FakeMpu9250Bus):
-    """The fake bus by the machine's own clock."""
-
-    def now_ns(self) -> int:
-        self._now_ns = time.monotonic_ns()
-        return self._now_ns
-
-    def pause(self, seconds: float) -> None:
-        time.sleep(seconds)
-        self.now_ns()
 
 
 def read_some(device: Device[ImuSample], enough: int) -> list[ImuSample]:
@@ -47,7 +35,7 @@ def read_some(device: Device[ImuSample], enough: int) -> list[ImuSample]:
 
 
 def test_the_mpu_9250_in_a_reader() -> None:
-    bus = RealTimeBus(start_ns=time.monotonic_ns())
+    bus = RealTimeMpu9250Bus(start_ns=time.monotonic_ns())
     samples = read_some(Mpu9250(open_bus=lambda _: bus), 60)
     assert samples[-1].linear_acceleration_m_s2[2] == pytest.approx(9.80665, abs=0.01)
     assert bus.closed

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from imu_readings import collect, samples_of
 
 from dialogue import UsageError
 from drivers import (
@@ -48,21 +49,6 @@ def device(bus: FakeMpu9250Bus, config: Mpu9250Config | None = None) -> Mpu9250:
         return bus
 
     return Mpu9250(config, open_bus)
-
-
-def collect(imu: Mpu9250, bus: FakeMpu9250Bus, seconds: float) -> list[Reading[ImuSample]]:
-    """What comes in that time of the bus."""
-    end_ns = bus.now_ns() + round(seconds * 1e9)
-    readings = []
-    while bus.now_ns() < end_ns:
-        reading = imu.read(0.1)
-        if reading is not None:
-            readings.append(reading)
-    return readings
-
-
-def samples_of(readings: list[Reading[ImuSample]]) -> list[ImuSample]:
-    return [sample for reading in readings for sample in reading.samples]
 
 
 def ticks_of(readings: list[Reading[ImuSample]]) -> list[Tick]:

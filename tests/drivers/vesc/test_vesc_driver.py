@@ -1,28 +1,20 @@
-"""Conversations in simulated time: every firmware, every fault, and what a logger may say."""
+"""Conversations in simulated time: every firmware and every fault."""
 
 from __future__ import annotations
 
-import ast
-import inspect
 import math
-import threading
-from collections.abc import Sequence
 from itertools import pairwise
 
 import pytest
+from vesc_talk import MS, S, Stranger, connected, made, model_of, readings, samples
 
 from drivers import (
     Chunk,
     Device,
     DeviceFaultError,
     DeviceLostError,
-    DriverError,
-    ModelPort,
     NoAnswerError,
-    ProtocolError,
 )
-from drivers.device import Reading
-from drivers.emulation import DeviceModel
 from drivers.vesc import (
     ASK_SETUP,
     ODOMETRY_MASK,
@@ -32,67 +24,16 @@ from drivers.vesc import (
     ReadId,
     ReadRequest,
     SourceMotor,
-    Vesc,
     VescConfig,
     VescModel,
     VescValues,
-    channel,
     decode_imu,
     decode_setup,
-    driver,
     emulated_vesc,
     encode_command,
     encode_frame,
-    handshake,
 )
-from drivers.vesc.channel import ReadChannel
 from drivers.vesc.emulator import FIRMWARES
-
-MS, S = 1_000_000, 1_000_000_000
-CONFIG = VescConfig(port="/dev/ttyACM0")
-
-
-def made(model: DeviceModel, config: VescConfig = CONFIG) -> tuple[Vesc, ModelPort]:
-    port = ModelPort(model, name=config.port)
-
-    def open_port(path: str, baud: int) -> ModelPort:
-        assert (path, baud) == (config.port, config.baud)
-        port.plug()
-        return port
-
-    return Vesc(config, open_port), port
-
-
-def readings(vesc: Vesc, port: ModelPort, seconds: float) -> list[Reading[VescValues]]:
-    end_ns, all_of_them = port.now_ns() + round(seconds * 1e9), []
-    while port.now_ns() < end_ns:
-        reading = vesc.read(min((end_ns - port.now_ns()) * 1e-9, 0.1))
-        if reading is not None:
-            all_of_them.append(reading)
-    return all_of_them
-
-
-def samples(all_of_them: Sequence[Reading[VescValues]]) -> list[VescValues]:
-    return [values for reading in all_of_them for values in reading.samples]
-
-
-class Stranger:
-    """Another device, or none: says one thing every `period_ns`, whatever it hears."""
-
-    def __init__(self, data: bytes = b"", period_ns: int = 10 * MS) -> None:
-        self.data, self.period_ns, self.at_ns = data, period_ns, 0
-
-    def receive(self, data: bytes, now_ns: int) -> None:
-        pass
-
-    def transmit(self, now_ns: int) -> bytes:
-        said = b""
-        while self.data and self.at_ns <= now_ns:
-            said, self.at_ns = said + self.data, self.at_ns + self.period_ns
-        return said
-
-    def next_ns(self) -> int | None:
-        return self.at_ns if self.data else None
 
 
 @pytest.mark.parametrize("firmware", FIRMWARES)
@@ -222,93 +163,7 @@ def test_the_rarer_questions() -> None:
         old.ask(ASK_SETUP)
 
 
-# --- what is no VESC, and what is one that cannot be read
-
-
-@pytest.mark.parametrize(
-    ("said", "error", "told"),
-    [
-        (b"", NoAnswerError, r'silent for 2\.4 s.*"App to use" set to UART'),
-        (b"AT\r\nAT\r\n", ProtocolError, r"no VESC's frame: b'AT"),
-        (b"#YPR=1.00,2.00,3.00\r\n", ProtocolError, r"#YPR=1.00.*trackside devices"),
-        (b"\xa5\x5a\x05\0\0\x40\x81" + bytes(50), ProtocolError, r"RPLidar answers"),
-        (b"\x03\x04\x00" + b"\x7e" * 5, ProtocolError, r"no VESC's frame"),
-        (encode_frame(b"\x15text"), NoAnswerError, r"good frames and no FW_VERSION"),
-        (encode_frame(b"\0\2\7"), DeviceFaultError, r"firmware 2\.07.*update it"),
-        (encode_frame(b"\0\5"), ProtocolError, r"no FW_VERSION reply of a VESC: 00 05"),
-        (encode_frame(b"\0\5\2"), NoAnswerError, r"did not answer VALUES within 0\.9 s"),
-    ],
-)
-def test_what_else_may_be_there_is_told_within_five_seconds(
-    said: bytes, error: type[DriverError], told: str
-) -> None:
-    vesc, port = made(Stranger(said))
-    with pytest.raises(error, match=told) as caught:
-        vesc.connect()
-    assert "/dev/ttyACM0" in str(caught.value) or "reply of a VESC" in str(caught.value)
-    assert port.now_ns() < 5 * S
-    assert port.closed
-    with pytest.raises(DeviceLostError, match="connect it first"):
-        vesc.read(0.1)
-
-
-def test_a_scanning_lidar_is_no_vesc() -> None:
-    """A flood without a pause: 2000 nodes of 5 bytes a second."""
-    vesc, port = made(Stranger(bytes.fromhex("3E 01 02 03 00"), 500_000))
-    with pytest.raises(ProtocolError, match=r"no VESC's frame: b'>"):
-        vesc.connect()
-    assert port.now_ns() < 5 * S
-
-
-def test_what_modem_manager_wrote_is_drained() -> None:
-    model = emulated_vesc("5.02")
-    vesc, port = made(model)
-    port.write(b"AT\rAT+GCAP\r" + encode_frame(b"\4")[:3])  # and half a question of another program
-    model.faults.noise = b"AT\x02\x03\xff"
-    vesc.connect()
-    assert len(samples(readings(vesc, port, 1.0))) == 50
-    assert vesc.counters.bad_bytes >= 50
-
-
-def test_noise_that_promises_a_long_frame_does_not_hide_the_vesc() -> None:
-    model = emulated_vesc("5.02")
-    model.faults.noise = b"\x03\x04\x00"
-    vesc, port = made(model)
-    vesc.connect()
-    assert port.now_ns() < S
-
-
-def test_a_vesc_that_starts_late_is_waited_for() -> None:
-    model = emulated_vesc("5.02")
-    model.reboot(0)
-    vesc, port = made(model)
-    vesc.connect()
-    assert S < port.now_ns() < 2 * S
-
-
-def test_a_reply_longer_than_this_firmware_sends_is_told_at_once() -> None:
-    class Odd(VescModel):
-        def _reply(self, number: int, data: bytes, t_ns: int) -> bytes | None:
-            reply = super()._reply(number, data, t_ns)
-            return reply + b"\0" if reply and number == 4 else reply
-
-    vesc, _ = made(Odd(Firmware(2, 18)))
-    with pytest.raises(ProtocolError, match=r"57 bytes are no state.*expected 56 bytes"):
-        vesc.connect()
-
-
 # --- faults while it is read
-
-
-def connected(firmware: str = "5.02", config: VescConfig = CONFIG) -> tuple[Vesc, ModelPort]:
-    vesc, port = made(emulated_vesc(firmware), config)
-    vesc.connect()
-    return vesc, port
-
-
-def model_of(port: ModelPort) -> VescModel:
-    assert isinstance(port.model, VescModel)
-    return port.model
 
 
 @pytest.mark.parametrize("firmware", ["2.18", "5.02"])
@@ -478,85 +333,6 @@ def test_a_recording_comes_back_as_it_was() -> None:
     assert {b - a for a, b in pairwise(at)} == {1}
     with pytest.raises(DeviceLostError, match="unanswered"):
         readings(again, port, 3.0)
-
-
-# --- what a logger may say
-
-
-def test_every_byte_that_a_logger_writes_is_a_question() -> None:
-    """Through every firmware, every fault, lost devices, and other devices on the port."""
-    allowed = {0, 4, 47, 50, 51, 65}
-    for firmware in FIRMWARES:
-        model = emulated_vesc(firmware)
-        mask = ODOMETRY_MASK if model.firmware.version >= (3, 48) else None
-        vesc, port = made(model, VescConfig(port="/dev/ttyACM0", mask=mask))
-        vesc.connect()
-        faults = model.faults
-        faults.prints, faults.flip_every, faults.piece_bytes = True, 3, 20
-        readings(vesc, port, 2.0)
-        faults.fault_code, faults.lose_every, faults.noise = 1, 2, b"\x02\x03\x0c"
-        readings(vesc, port, 2.0)
-        if mask:
-            vesc.ask(ASK_SETUP)
-        faults.silent = True
-        with pytest.raises(DriverError):
-            readings(vesc, port, 5.0)
-        with pytest.raises(DriverError):
-            vesc.connect()
-        vesc.close()
-        receiver = FrameReceiver()
-        frames = receiver.feed(bytes(port.written))
-        assert {frame.payload[0] for frame in frames} <= allowed
-        assert receiver.expire() == []
-        assert receiver.bad_bytes == 0  # every byte is part of such a frame
-        assert (model.dangers, model.obeyed) == ([], [])
-    vesc, port = made(Stranger(b"\x0c\x01\xf4" * 5))
-    with pytest.raises(DriverError):
-        vesc.connect()
-    frames = FrameReceiver().feed(bytes(port.written))
-    assert {frame.payload for frame in frames} == {b"\0"}
-
-
-def test_of_two_threads_that_write_one_waits() -> None:
-    """Else a question could fall in the middle of a command."""
-    writes: list[str] = []
-
-    class Slow(ModelPort):
-        def write(self, data: bytes) -> None:
-            writes.append("begin")
-            if len(writes) == 1:
-                other.start()
-                other.join(0.1)
-            super().write(data)
-            writes.append("end")
-
-    shared = ReadChannel(Slow(Stranger()))
-    other = threading.Thread(target=shared.ask, args=(ASK_SETUP,))
-    shared.ask(ASK_SETUP)
-    other.join(10)
-    assert writes == ["begin", "end"] * 2
-
-
-def test_a_logger_has_no_way_to_say_anything_else() -> None:
-    """By construction: one place writes to the port, and a read channel hands it questions only."""
-    writers = [
-        module.__name__
-        for module in (channel, driver, handshake)
-        for node in ast.walk(ast.parse(inspect.getsource(module)))
-        if isinstance(node, ast.Attribute) and node.attr == "write"
-    ]
-    assert writers == [channel.__name__]
-    public = {name for name in vars(ReadChannel) if not name.startswith("_")}
-    assert public == {"now_ns", "ask", "read", "drain", "close"}
-    assert inspect.signature(ReadChannel.ask).parameters["request"].annotation == "ReadRequest"
-    private = {"_send"}
-    users = [
-        node.attr
-        for module in (driver, handshake)
-        for node in ast.walk(ast.parse(inspect.getsource(module)))
-        if isinstance(node, ast.Attribute) and node.attr in private | {"command"}
-    ]
-    assert users == []
 
 
 @pytest.mark.parametrize(
