@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from drivers.imu import Motion
+from drivers.imu import Motion, vector
 from drivers.vesc import VescCalibration, VescValues
 from geometry import Floats, compose
 from simulation.car import GRAVITY_M_S2
@@ -80,7 +80,7 @@ class LidarWorld:
 class ImuNoise:
     """Of an MPU-9250 on a car; bias_rad_s : as of the real one in ../shared/data/imu, at most.
 
-    Densities per root hertz, at `rate_hz`; vibration_m_s2 : at 1 m/s; gain : of the gyro, 1 sigma.
+    Densities per root hertz, at `rate_hz`; vibration_m_s2 : at 1 m/s.
     """
 
     rate_hz: float = 200.0
@@ -89,20 +89,23 @@ class ImuNoise:
     bias_rad_s: float = math.radians(1.5)
     vibration_m_s2: float = 0.6
     vibration_rad_s: float = math.radians(0.8)
-    gain_sigma: float = 0.004
     tilt_sigma_rad: float = math.radians(0.7)
 
 
 class ImuWorld:
-    """What an IMU at the centre of mass feels; an IMU emulator's source."""
+    """What an IMU at the centre of mass feels; an IMU emulator's source. gain : of its gyro."""
 
     def __init__(
-        self, drive: Drive, zero_ns: int, rng: np.random.Generator, noise: ImuNoise | None = None
+        self,
+        drive: Drive,
+        zero_ns: int,
+        rng: np.random.Generator,
+        noise: ImuNoise | None = None,
+        gain: float = 1.0,
     ) -> None:
         self._drive, self._zero_ns, self._rng = drive, zero_ns, rng
-        self.noise = noise or ImuNoise()
+        self.noise, self.gain = noise or ImuNoise(), gain
         self.bias_rad_s = rng.uniform(-1.0, 1.0, 3) * self.noise.bias_rad_s
-        self.gain = 1.0 + self.noise.gain_sigma * float(rng.standard_normal())
         self._tilt = self.noise.tilt_sigma_rad * rng.standard_normal(2)
         self._gyro_sigma = self.noise.gyro_density * math.sqrt(self.noise.rate_hz / 2.0)
         self._accel_sigma = self.noise.accel_density * math.sqrt(self.noise.rate_hz / 2.0)
@@ -119,9 +122,8 @@ class ImuWorld:
         level = np.array([here.pulled_ahead_m_s2, here.pulled_aside_m_s2, GRAVITY_M_S2])
         level[:2] += GRAVITY_M_S2 * self._tilt
         field = _field_t(here.heading_rad)
-        x, y, z = (level + pull).tolist()
-        gx, gy, gz = turning.tolist()
-        return Motion((gx, gy, gz), (x, y, z), field, 25.0, (here.heading_rad, 0.0, 0.0))
+        attitude = (here.heading_rad, 0.0, 0.0)
+        return Motion(vector(turning), vector(level + pull), field, 25.0, attitude)
 
 
 def _field_t(heading_rad: float) -> tuple[float, float, float]:
