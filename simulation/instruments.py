@@ -67,9 +67,7 @@ def pose_of(place: Place) -> Floats:
 
 def lidar_in_simulated_time(made: Models, begins_ns: int) -> RPLidar:
     """The driver before the model, its clock starting at `begins_ns`."""
-    return RPLidar(
-        LIDAR, lambda _, baud: LidarPort(made.lidar, baud=baud, start_ns=begins_ns)
-    )
+    return RPLidar(LIDAR, lambda _, baud: LidarPort(made.lidar, baud=baud, start_ns=begins_ns))
 
 
 def vesc_in_simulated_time(made: Models, begins_ns: int) -> Vesc:

@@ -124,9 +124,7 @@ class OverheadScene:
         standard deviation in grey levels. gain : exposure, values above 255 are clipped.
         occluders : polygons (k, 2) in pixels and their grey, in front of everything.
         """
-        lit = self.light_of(
-            moving=moving, body=body, light=light, gain=gain, occluders=occluders
-        )
+        lit = self.light_of(moving=moving, body=body, light=light, gain=gain, occluders=occluders)
         if noise > 0.0:
             lit += np.float32(noise) * rng.standard_normal(lit.shape, np.float32)
         image = np.clip(np.rint(lit), 0.0, 255.0).astype(np.uint8)

@@ -14,7 +14,7 @@ from simulation.marker_patch import Ring
 from simulation.overhead import Blur, OverheadScene
 from simulation.tracks import SIDE_M
 from simulation.views import HEIGHT_M, make_camera
-from simulation.world import World
+from simulation.world import World, site_corners
 
 EXPOSURE_S = 0.004
 JPEG_QUALITY = 90
@@ -35,7 +35,7 @@ class FilmClock:
         return round((t_ns - self.zero_ns) / (1.0 + self.skew))
 
     def own_ns(self, world_ns: int) -> int:
-        """This clock's time at a world time."""
+        """The time of this clock at a world time."""
         return self.zero_ns + round(world_ns * (1.0 + self.skew))
 
 
@@ -87,12 +87,15 @@ class FilmScene:
         assert good
         return bytes(data)
 
-    def empty_floor(self, count: int) -> Iterator[npt.NDArray[np.uint8]]:
-        """Pictures of the corner rings alone, as they are taken for calibrating the world."""
-        corners = [Ring((x, y, 0.0), RingShape()) for x, y in self.world.corners.tolist()]
-        scene = OverheadScene(self.view, corners, blur=Blur(exposure_s=EXPOSURE_S))
-        for _ in range(count):
-            yield scene.frame(self._rng, noise=NOISE_GREY).image
+
+def empty_floor(
+    view: View, rng: np.random.Generator, count: int
+) -> Iterator[npt.NDArray[np.uint8]]:
+    """Pictures of the corner rings alone, as they are taken for calibrating the world."""
+    corners = [Ring((x, y, 0.0), RingShape()) for x, y in site_corners().tolist()]
+    scene = OverheadScene(view, corners, blur=Blur(exposure_s=EXPOSURE_S))
+    for _ in range(count):
+        yield scene.frame(rng, noise=NOISE_GREY).image
 
 
 def _velocity(here: Moment) -> tuple[float, float]:

@@ -90,7 +90,7 @@ def record_car(
     trial: int | None = None,
     commanded: bool = False,
     more: Callable[[UtcLine, int], Mapping[str, Stream]] = lambda _utc, _begins_ns: {},
-    clock: CarClock = CarClock(),  # noqa: B008  frozen
+    clock: CarClock = CarClock(),
     advance: Advance = lambda _: None,
 ) -> SessionInfo:
     """The car's recording of a drive, in a folder that exists and is empty.
@@ -100,7 +100,7 @@ def record_car(
     """
     made, begins_ns = models(world, clock.zero_ns), clock.zero_ns - SPIN_UP_NS
     vesc: Device[object] = (
-        DrivenVesc(world, made, begins_ns, clock.zero_ns)  # type: ignore[assignment]  # of commands too
+        DrivenVesc(world, made, begins_ns, clock.zero_ns)
         if commanded
         else vesc_in_simulated_time(made, begins_ns)
     )
@@ -127,7 +127,7 @@ def record_car(
     )
 
 
-def film_clock(world: World, car: CarClock = CarClock()) -> tuple[FilmClock, UtcLine]:  # noqa: B008
+def film_clock(world: World, car: CarClock = CarClock()) -> tuple[FilmClock, UtcLine]:
     """The clocks of the machine that films: nobody has set them by the car's."""
     rng = world.rng("clock")
     offset_s = float(rng.uniform(-MOST_OFFSET_S, MOST_OFFSET_S))
@@ -148,9 +148,7 @@ def record_film(
     clock, utc = film_clock(world)
     scene = FilmScene(world, view)
     begins_ns = clock.own_ns(-FILM_BEFORE_NS)
-    camera = CameraEmulator(
-        lambda t_ns: scene.jpeg(clock.world_ns(t_ns)), FreeClock(begins_ns)
-    )
+    camera = CameraEmulator(lambda t_ns: scene.jpeg(clock.world_ns(t_ns)), FreeClock(begins_ns))
     images = CameraTranslator(utc, OVERHEAD_TOPIC, OVERHEAD_LOG_NAME, "overhead")
     device = V4l2Camera(OVERHEAD, camera.open)
     pair = ClockPair(monotonic_ns=utc.monotonic_ns, utc_ns=utc.utc_ns)
@@ -165,8 +163,8 @@ def record_film(
     )
 
 
-def film_to_car(world: World, car: CarClock = CarClock()) -> tuple[float, float]:  # noqa: B008
-    """What is to be added to a stamp of the film for the car's clock: seconds at world time 0, skew.
+def film_to_car(world: World, car: CarClock = CarClock()) -> tuple[float, float]:
+    """What makes a stamp of the film one of the car's clock: offset in s at world time 0, skew.
 
     t_car = t_film + offset + skew * (t_film - t_film at world time 0).
     """

@@ -16,6 +16,7 @@ from dialogue import TracksideError, UsageError, nearest_names
 
 COMMANDS = {
     "demo": ("trackside.demo:demo", "The whole road without hardware, in a minute."),
+    "simulate": ("trackside.virtual.cli:simulate", "A run on the virtual track, from one seed."),
     "doctor": ("trackside.doctor:doctor", "What would spoil a recording here, and what to do."),
     "devices": ("trackside.devices:devices", "What is plugged in, who answered; writes a rig."),
     "calibrate": ("calibration.cli:calibrate", "The camera and its place above the floor."),
