@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers import ModelPort, Reading
+from drivers import ModelPort, Port, Reading
 from drivers.imu.mpu9250 import FakeMpu9250Bus, Mpu9250, Mpu9250Config
 from drivers.rplidar import LidarPort, RPLidar, RPLidarConfig, RPLidarModel, a2m8
 from drivers.vesc import (
@@ -35,7 +35,7 @@ LIDAR_PPM, IMU_RATE_ERROR = 30.0, 0.003
 FIRMWARE = Firmware(5, 2, "410", "0a1b2c3d4e5f60718293a4b5", paired=False, beta=0)
 LIMITS = DriveLimits(
     erpm_min=0.0, erpm_max=25_000.0, duty=0.5, current_a=30.0, brake_a=10.0, erpm_per_s=1e6,
-    servo_min=0.0, servo_max=1.0, servo_per_s=1e3,
+    servo_min=0.0, servo_max=1.0, servo_per_s=1e3, heartbeat_s=1.0, telemetry_s=1.0,
 )  # fmt: skip
 
 
@@ -75,6 +75,15 @@ def vesc_in_simulated_time(made: Models, begins_ns: int) -> Vesc:
     return Vesc(VESC, lambda path, _: ModelPort(made.vesc, name=path, start_ns=begins_ns))
 
 
+def commanded_vesc_in_simulated_time(
+    world: World, made: Models, begins_ns: int, zero_ns: int
+) -> DrivenVesc:
+    """The driver through which the car is driven."""
+    return DrivenVesc(
+        world, zero_ns, lambda path, _: ModelPort(made.vesc, name=path, start_ns=begins_ns)
+    )
+
+
 def imu_in_simulated_time(made: Models, begins_ns: int) -> Mpu9250:
     """The IMU on its bus."""
     bus = FakeMpu9250Bus(made.imu, start_ns=begins_ns)
@@ -83,22 +92,28 @@ def imu_in_simulated_time(made: Models, begins_ns: int) -> Mpu9250:
 
 
 class DrivenVesc:
-    """A motor controller that is read and commanded: a `drivers.Device`, in simulated time.
+    """A motor controller that is read and commanded: a `drivers.Device`.
 
     The commands of the drive are sent through the armed controller when their time has come; the
     car follows them because both come from the same drive.
     """
 
-    def __init__(self, world: World, made: Models, begins_ns: int, zero_ns: int) -> None:
-        self._port: ModelPort | None = None
+    def __init__(
+        self,
+        world: World,
+        zero_ns: int,
+        open_port: Callable[[str, int], Port],
+        config: VescConfig = VESC,
+    ) -> None:
+        self._port: Port | None = None
 
-        def opened(path: str, _: int) -> ModelPort:
-            self._port = ModelPort(made.vesc, name=path, start_ns=begins_ns)
+        def opened(path: str, baud: int) -> Port:
+            self._port = open_port(path, baud)
             return self._port
 
-        self._controller = VescController(VESC, opened)
+        self._controller = VescController(config, opened)
         self.counters = self._controller.counters
-        self._tied, self._zero_ns = world.built.vesc, zero_ns
+        self._tied = world.built.vesc
         self._commands = [
             (zero_ns + round(t_s * 1e9), wheel, steering)
             for t_s, wheel, steering in world.drive.commands.tolist()

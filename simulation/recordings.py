@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from datetime import datetime, timezone
 from pathlib import Path
 
 from capture import ClockPair, GroundTruth, SessionInfo
@@ -25,7 +26,7 @@ from simulation.instruments import (
     IMU,
     LIDAR,
     VESC,
-    DrivenVesc,
+    commanded_vesc_in_simulated_time,
     imu_in_simulated_time,
     lidar_in_simulated_time,
     models,
@@ -70,7 +71,9 @@ def information(world: World, clock: ClockPair, rig: Rig, trial: int | None) -> 
         map=world.map,
         power=world.power,
         trial=trial,
-        start_utc="2019-05-14T12:00:00+00:00",
+        start_utc=datetime.fromtimestamp(clock.utc_ns * 1e-9, timezone.utc).isoformat(
+            "T", "seconds"
+        ),
         clocks=(clock,),
         configuration={"rig": plain(rig)},
         notes=f"simulated, seed {world.seed}",
@@ -100,7 +103,7 @@ def record_car(
     """
     made, begins_ns = models(world, clock.zero_ns), clock.zero_ns - SPIN_UP_NS
     vesc: Device[object] = (
-        DrivenVesc(world, made, begins_ns, clock.zero_ns)
+        commanded_vesc_in_simulated_time(world, made, begins_ns, clock.zero_ns)
         if commanded
         else vesc_in_simulated_time(made, begins_ns)
     )
@@ -142,10 +145,11 @@ def record_film(
     folder: Path,
     *,
     trial: int | None = None,
+    car: CarClock = CarClock(),
     advance: Advance = lambda _: None,
 ) -> SessionInfo:
     """The film of a drive, in a folder that exists and is empty, on the film's own clock."""
-    clock, utc = film_clock(world)
+    clock, utc = film_clock(world, car)
     scene = FilmScene(world, view)
     begins_ns = clock.own_ns(-FILM_BEFORE_NS)
     camera = CameraEmulator(lambda t_ns: scene.jpeg(clock.world_ns(t_ns)), FreeClock(begins_ns))
@@ -173,9 +177,9 @@ def film_to_car(world: World, car: CarClock = CarClock()) -> tuple[float, float]
     return offset_s, 1.0 / (1.0 + clock.skew) - 1.0
 
 
-def exact_truth(world: World, zero_utc_ns: int) -> GroundTruth:
+def exact_truth(world: World, car: CarClock = CarClock()) -> GroundTruth:
     """Where car and cones really were, on the clock of the car's log."""
-    offset_s, skew = film_to_car(world)
+    offset_s, skew = film_to_car(world, car)
     made: dict[str, object] = {
         "made_by": "trackside simulate, exact",
         "map": world.map,
@@ -185,4 +189,4 @@ def exact_truth(world: World, zero_utc_ns: int) -> GroundTruth:
         "built": plain(world.built),
         "drawn": plain(world.drawn),
     }
-    return GroundTruth(world.drive.path(zero_utc_ns), world.cones, made)
+    return GroundTruth(world.drive.path(car.zero_utc_ns), world.cones, made)

@@ -30,6 +30,11 @@ _PATH = click.Path(path_type=Path)
 )
 @click.option("--site-only", is_flag=True, help="Only calibrate the camera, into the folder -o.")
 @click.option("--no-film", is_flag=True, help="No film; the car's session gets the exact truth.")
+@click.option(
+    "--realtime",
+    is_flag=True,
+    help="The car's devices at real pace behind pseudo-terminals, recorded as on the car.",
+)
 @click.option("-o", "--output", type=_PATH, required=True, help="The folder to make.")
 def simulate(
     map_name: str,
@@ -39,12 +44,14 @@ def simulate(
     site: Path | None,
     site_only: bool,
     no_film: bool,
+    realtime: bool,
     output: Path,
 ) -> None:
     """A run on the virtual track, recorded through the real drivers and recorder.
 
     Makes car/ and film/ as two machines record them, each on its own clock, scene.yaml, the
-    calibrations, and truth/ with what nobody on a real track knows. One seed gives the same bytes.
+    calibrations, and truth/ with what nobody on a real track knows. One seed gives the same bytes
+    of the car (not at real pace: there the machine's timing is in them).
     """
     from trackside.virtual.day import RunPlan, simulate_run, simulate_site
 
@@ -52,7 +59,15 @@ def simulate(
         simulate_site(output, _shown)
         click.echo(f"wrote {output}; next: trackside simulate --site {output} -o DIR")
         return
-    plan = RunPlan(map=map_name, power=power, seed=seed, trial=trial, site=site, filmed=not no_film)
+    plan = RunPlan(
+        map=map_name,
+        power=power,
+        seed=seed,
+        trial=trial,
+        site=site,
+        filmed=not no_film,
+        realtime=realtime,
+    )
     simulate_run(output, plan, _shown)
     click.echo(f"wrote {output}")
     if no_film:

@@ -13,13 +13,13 @@ from capture import (
     SessionInfo,
     calibration_file,
     new_folder,
-    read_world_calibration,
     write_yaml,
 )
 from capture.result_files import write_ground_truth
 from capture.yaml_file import plain
 from dialogue import TracksideError
 from simulation.overhead_film import hung_view
+from simulation.real_time import real_time_clock, record_car_in_real_time
 from simulation.recordings import (
     CarClock,
     exact_truth,
@@ -47,7 +47,8 @@ class RunPlan:
     """What to drive and what to keep of it.
 
     site : a folder with calibrations made before, None: the camera is calibrated anew; filmed :
-    without a film the exact truth becomes the ground truth of the car's session.
+    without a film the exact truth becomes the ground truth of the car's session; realtime : the
+    car's devices live at real pace behind pseudo-terminals, else in simulated time.
     """
 
     map: str
@@ -56,6 +57,7 @@ class RunPlan:
     trial: int | None = None
     site: Path | None = None
     filmed: bool = True
+    realtime: bool = False
 
 
 def simulate_run(folder: Path, plan: RunPlan, steps: Steps) -> None:
@@ -67,24 +69,15 @@ def simulate_run(folder: Path, plan: RunPlan, steps: Steps) -> None:
     with new_folder(folder) as partial:
         for name in (CAR, *([FILM] if plan.filmed else [])):
             (partial / name).mkdir()
-        truth = exact_truth(made, CarClock().zero_utc_ns)
+        clock = _car(partial / CAR, made, plan, steps)
+        truth = exact_truth(made, clock)
         write_ground_truth(partial / TRUTH, truth)
-        if plan.filmed:
-            _calibrations(partial / CALIBRATION, plan.site, steps)
-            write_yaml(partial / SCENE, cast("dict[str, object]", plain(scene_of(made))))
-            _film(partial, made, plan, steps)
-        seconds = made.drive.end_ns // 1_000_000_000
-        with steps("recording the car", seconds) as advance:
-            told = record_car(
-                made,
-                partial / CAR,
-                trial=plan.trial,
-                commanded=plan.map in COMMANDED,
-                advance=lambda s: advance(round(s)),
-            )
-        _refuse_bad(told, CAR)
         if not plan.filmed:
             Session.open(partial / CAR).write_ground_truth(truth)
+            return
+        _calibrations(partial / CALIBRATION, plan.site, steps)
+        write_yaml(partial / SCENE, cast("dict[str, object]", plain(scene_of(made))))
+        _film(partial, made, plan, clock, steps)
 
 
 def simulate_site(folder: Path, steps: Steps) -> None:
@@ -114,7 +107,19 @@ def _calibrations(folder: Path, site: Path | None, steps: Steps) -> None:
         (folder / file.name).write_bytes(file.read_bytes())
 
 
-def _film(partial: Path, made: World, plan: RunPlan, steps: Steps) -> None:
+def _car(folder: Path, made: World, plan: RunPlan, steps: Steps) -> CarClock:
+    commanded, seconds = plan.map in COMMANDED, made.drive.end_ns // 1_000_000_000
+    with steps("recording the car", seconds) as advance:
+        clock = real_time_clock() if plan.realtime else CarClock()
+        record = record_car_in_real_time if plan.realtime else record_car
+        info = record(
+            made, folder, trial=plan.trial, commanded=commanded, clock=clock, advance=whole(advance)
+        )
+    _refuse_bad(info, CAR, plan)
+    return clock
+
+
+def _film(partial: Path, made: World, plan: RunPlan, clock: CarClock, steps: Steps) -> None:
     seconds = made.drive.end_ns // 1_000_000_000 + 1
     with steps("filming", seconds) as advance:
         told = record_film(
@@ -122,11 +127,10 @@ def _film(partial: Path, made: World, plan: RunPlan, steps: Steps) -> None:
             hung_view(),
             partial / FILM,
             trial=plan.trial,
-            advance=lambda s: advance(round(s)),
+            car=clock,
+            advance=whole(advance),
         )
-    _refuse_bad(told, FILM)
-    world_file = calibration_file(partial / CALIBRATION, "world")
-    read_world_calibration(world_file)
+    _refuse_bad(told, FILM, plan)
     session = Session.open(partial / FILM)
     for file in _calibration_files(partial / CALIBRATION, ("camera", "world")):
         session.copy_calibration(file)
@@ -136,9 +140,26 @@ def _calibration_files(folder: Path, kinds: Sequence[str]) -> list[Path]:
     return [calibration_file(folder, kind) for kind in kinds]
 
 
-def _refuse_bad(told: SessionInfo, name: str) -> None:
-    if told.verdict != "good":
-        raise TracksideError(
-            f"the simulated recording {name} came out bad ({told.verdict_reason}): a fault of "
-            "trackside; please report it with the map, power and seed"
-        )
+def whole(advance: Callable[[int], None]) -> Callable[[float], None]:
+    """What takes parts of steps and hands on whole ones."""
+    done = 0.0
+
+    def take(part: float) -> None:
+        nonlocal done
+        before, done = int(done), done + part
+        if int(done) > before:
+            advance(int(done) - before)
+
+    return take
+
+
+def _refuse_bad(told: SessionInfo, name: str, plan: RunPlan) -> None:
+    if told.verdict == "good":
+        return
+    if plan.realtime:
+        advice = "this machine was too busy to record at real pace; leave out --realtime"
+    else:
+        advice = "a fault of trackside; please report it with map, power and seed"
+    raise TracksideError(
+        f"the simulated recording {name} came out bad ({told.verdict_reason}): {advice}"
+    )
