@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from pathlib import Path
 
@@ -154,12 +154,13 @@ def record_film(
     begins_ns = clock.own_ns(-FILM_BEFORE_NS)
     camera = CameraEmulator(lambda t_ns: scene.jpeg(clock.world_ns(t_ns)), FreeClock(begins_ns))
     images = CameraTranslator(utc, OVERHEAD_TOPIC, OVERHEAD_LOG_NAME, "overhead")
-    device = V4l2Camera(OVERHEAD, camera.open)
+    size = view.camera
+    config = replace(OVERHEAD, width_px=size.width_px, height_px=size.height_px)
     pair = ClockPair(monotonic_ns=utc.monotonic_ns, utc_ns=utc.utc_ns)
     return record_in_simulated_time(
         folder,
-        information(world, pair, Rig(overhead=OVERHEAD), trial),
-        {"overhead": Stream(device, images, OVERHEAD.rate_hz)},
+        information(world, pair, Rig(overhead=config), trial),
+        {"overhead": Stream(V4l2Camera(config, camera.open), images, config.rate_hz)},
         utc,
         starts_ns=begins_ns,
         ends_ns=clock.own_ns(world.drive.end_ns),

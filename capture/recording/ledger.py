@@ -44,16 +44,22 @@ class Ledger:
     """The book of one recording: `begin`, then `scribe.take` and `diagnosis`, then `finish`.
 
     folder : of the session, which exists and is empty; translators of all `streams` were made with
-    `utc`.
+    `utc`. sync_period_s : how often the logs are put on the disk, None: at their end.
     """
 
     def __init__(
-        self, folder: Path, info: SessionInfo, streams: Mapping[str, Stream], utc: UtcLine
+        self,
+        folder: Path,
+        info: SessionInfo,
+        streams: Mapping[str, Stream],
+        utc: UtcLine,
+        *,
+        sync_period_s: float | None = 1.0,
     ) -> None:
         self.folder, self.info, self.utc = folder, info, utc
         self.streams = dict(streams)
         translators = {name: stream.translator for name, stream in streams.items()}
-        self.scribe = Scribe(folder, translators, utc)
+        self.scribe = Scribe(folder, translators, utc, sync_period_s=sync_period_s)
         self.own = OwnFacts()
         self._health = Health(self.streams)
 

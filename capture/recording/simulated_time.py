@@ -43,7 +43,7 @@ def record_in_simulated_time(
     when a person would end it; both on the devices' clock. advance : told the seconds done.
     Raises `DriverError`, `LogError`, `RecordingError`.
     """
-    ledger = Ledger(folder, info, streams, utc)
+    ledger = Ledger(folder, info, streams, utc, sync_period_s=None)
     with ExitStack() as stack:
         stack.enter_context(held(folder))
         for stream in streams.values():
