@@ -40,9 +40,10 @@ def draw_cones(image: npt.NDArray[np.uint8], eye: Placed, cones: Floats, pose: F
     # Seen from outside only: a face is there when the eye is on its outer side.
     outer = ((eye.position - points[:, :, 0]) * _NORMALS).sum(axis=2) > 0.0
     in_view = _may_be_seen(pixels, eye)
-    fixed = np.rint(np.where(finite[..., None, None], pixels, 0.0) * _SUB).astype(np.int32)
+    drawn = finite & outer & in_view
+    fixed = np.rint(np.where(drawn[..., None, None], pixels, 0.0) * _SUB).astype(np.int32)
     grey = (_ALBEDO * (0.62 + 0.38 * np.cos(_ANGLES + pose[2] - _LIGHT_FROM_RAD))).tolist()
-    for cone, face in np.argwhere(finite & outer & in_view).tolist():
+    for cone, face in np.argwhere(drawn).tolist():
         cv2.fillConvexPoly(image, fixed[cone, face], grey[face], cv2.LINE_AA, 4)
 
 
