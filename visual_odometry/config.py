@@ -11,7 +11,7 @@ class VoConfig:
 
     cells_across: int = field(default=16, metadata={"min": 1})
     cells_down: int = field(default=9, metadata={"min": 1})
-    per_cell: int = field(default=4, metadata={"min": 1})
+    per_cell: int = field(default=3, metadata={"min": 1})
     """Most corners in each cell of a key frame."""
     closing_px: float = field(default=1.0, metadata={"min": 0.0})
     """How far the way over both eyes and back may miss its start."""

@@ -41,15 +41,13 @@ def corners(image: Image, config: VoConfig) -> Floats:
 def coarse_disparity(left: Image, right: Image, points: Floats) -> Floats:
     """Disparity (n,) at points (n, 2) of the left eye to a pixel or two; NaN where unknown.
 
-    Block matching at half the size: a corner near the car is 120 pixels off in the other eye,
-    too far for following it down a pyramid.
+    left, right : at half the size, points and disparity at full. Block matching, for a corner near
+    the car is 120 pixels off in the other eye, too far for following it down a pyramid.
     """
     import cv2
 
-    halves = [cv2.resize(eye, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-              for eye in (left, right)]  # fmt: skip
     # Widened, as block matching leaves out the first columns.
-    wide = [cv2.copyMakeBorder(half, 0, 0, _DISPARITIES, 0, cv2.BORDER_REPLICATE) for half in halves]
+    wide = [cv2.copyMakeBorder(half, 0, 0, _DISPARITIES, 0, cv2.BORDER_REPLICATE) for half in (left, right)]
     matcher = cv2.StereoBM.create(_DISPARITIES, _HALF_BLOCK_PX)
     matcher.setUniquenessRatio(5)
     found = np.asarray(matcher.compute(*wide), np.float64)[:, _DISPARITIES:] / 16.0

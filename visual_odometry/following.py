@@ -15,18 +15,34 @@ from visual_odometry.patches import Patches, aligned, patches_at
 from visual_odometry.rectification import Eyes, Image
 
 Mask = npt.NDArray[np.bool_]
-_WINDOW = (15, 15)
-_LEVELS = 3
+_WINDOW = (13, 13)
+_LEVELS = 2
+_FOLLOWED = 160
+"""Points that are followed over the pyramids; the others' places follow from the motion."""
+_NEAREST_M = 0.05
 _FLOOR_BAND_M = 0.03
 """Points this near to the floor's height lie on it; the others on something upright."""
 
 
 @dataclass(frozen=True, eq=False)
 class EyePair:
-    """A rectified pair of pictures."""
+    """A rectified pair of pictures, and the same at half the size."""
 
     left: Image
     right: Image
+    half_left: Image
+    half_right: Image
+
+    @classmethod
+    def of(cls, left: Image, right: Image) -> EyePair:
+        """The pair of two eyes."""
+        import cv2
+
+        halves = [
+            np.asarray(cv2.resize(eye, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), np.uint8)
+            for eye in (left, right)
+        ]
+        return cls(left, right, *halves)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +70,7 @@ def key_frame(
     up : (3,) of the car in the left eye's frame; height_m : of the eye above the floor.
     """
     at = corners(pair.left, config)
-    disparity = coarse_disparity(pair.left, pair.right, at)
+    disparity = coarse_disparity(pair.half_left, pair.half_right, at)
     known = disparity > config.least_disparity_px
     at, disparity = at[known], disparity[known]
     patches = patches_at(pair.left, at)
@@ -75,34 +91,29 @@ def key_frame(
 
 def followed(
     key: KeyFrame, pair: EyePair, eyes: Eyes, expected: Motion, config: VoConfig
-) -> tuple[Floats, Mask]:
-    """Where the points of a key frame are in a new pair, (u left, v, u right) (n, 3), and which.
+) -> tuple[Mask, Floats]:
+    """Which points (n,) of a key frame are found in a new pair, and where (k, 3), to half a pixel.
 
     Left to left, left to right, right to the key frame's right, and so back to where the key frame
-    saw it there: what does not close the circle is no match. expected : from the key frame.
+    saw it there: what does not close the circle is no match. At half the size, with as many points
+    as a motion needs; `brought_to_place` then finds all of them. expected : from the key frame.
     """
     there = expected.applied(key.points)
-    ahead = there[:, 2] > 0.05
-    guess = eyes.seen(np.where(ahead[:, None], there, key.points))
-    start = key.seen[:, :2]
-    left, good = _flow(key.pair.left, pair.left, start, guess[:, :2])
-    beside = left - np.column_stack([guess[:, 0] - guess[:, 2], np.zeros(len(guess))])
-    right, also = _flow(pair.left, pair.right, left, beside)
-    back, closes = _flow(
-        pair.right, key.pair.right, right, np.column_stack([key.seen[:, 2], start[:, 1]])
-    )
-    good &= also & closes & ahead
-    miss = back - np.column_stack([key.seen[:, 2], start[:, 1]])
-    # Looser than the circle's own limit where patches are bent, as only the last step is exact.
-    good &= np.hypot(*miss.T) < config.closing_px + _BEND_PX * np.abs(
-        1.0 - key.points[:, 2] / np.where(ahead, there[:, 2], 1.0)
-    )
+    guess = eyes.seen(np.where(there[:, 2:] > _NEAREST_M, there, key.points))
+    rows = np.flatnonzero((there[:, 2] > _NEAREST_M) & _inside(guess[:, :2], pair.left))
+    rows = rows[:: max(1, -(-rows.size // _FOLLOWED))]
+    guess, before = guess[rows], key.seen[rows]
+    target = before[:, [2, 1]]
+    left, good = _flow(key.pair.half_left, pair.half_left, before[:, :2], guess[:, :2])
+    beside = np.column_stack([left[:, 0] + guess[:, 2] - guess[:, 0], left[:, 1]])
+    right, also = _flow(pair.half_left, pair.half_right, left, beside)
+    back, closes = _flow(pair.half_right, key.pair.half_right, right, target)
+    good &= also & closes & (np.hypot(*(back - target).T) < config.closing_px)
     good &= np.abs(left[:, 1] - right[:, 1]) < 2.0 * config.row_px
     good &= _inside(left, pair.left) & _inside(right, pair.right)
-    return np.column_stack([left, right[:, 0]]), good
-
-
-_BEND_PX = 4.0
+    found = np.zeros(len(key), bool)
+    found[rows[good]] = True
+    return found, np.column_stack([left, right[:, 0]])[good]
 
 
 def brought_to_place(
@@ -127,18 +138,20 @@ def brought_to_place(
 
 
 def _flow(source: Image, target: Image, start: Floats, guess: Floats) -> tuple[Floats, Mask]:
+    """Points followed between pictures of half the size; places are those of the full one."""
     import cv2
 
     if not len(start):
         return guess, np.zeros(0, bool)
-    stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 12, 0.05)
-    points = np.ascontiguousarray(start, np.float32).reshape(-1, 1, 2)
-    first = np.ascontiguousarray(guess, np.float32).reshape(-1, 1, 2)
+    stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 12, 0.03)
+    points, first = (
+        np.ascontiguousarray((at - 0.5) / 2.0, np.float32).reshape(-1, 1, 2) for at in (start, guess)
+    )
     found, status, _ = cv2.calcOpticalFlowPyrLK(
         source, target, points, first, winSize=_WINDOW, maxLevel=_LEVELS, criteria=stop,
         flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
     )  # fmt: skip
-    return np.asarray(found, np.float64).reshape(-1, 2), status.ravel() == 1
+    return 2.0 * np.asarray(found, np.float64).reshape(-1, 2) + 0.5, status.ravel() == 1
 
 
 def _inside(at: Floats, image: Image) -> Mask:

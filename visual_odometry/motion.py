@@ -18,9 +18,12 @@ from visual_odometry.rectification import Eyes
 
 Mask = npt.NDArray[np.bool_]
 _ROUNDS = 8
+_STILL = 1e-6
 _CAUCHY = 2.5
 """Of a residual's length in its standard deviations, where it begins to count less."""
 _OUTLIER = 5.0
+_SHRUNK = 0.83
+"""Mean square of a normal's residual under those weights, by integration."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,35 +99,30 @@ def fitted_motion(
     J^T J, times the variance that the residuals show.
     """
     points = eyes.points(before)
-    spread = _point_slopes(before, points, eyes)
-    motion, weights = start, np.ones(len(before))
+    motion, count = start, len(before)
+    # Once: the start is so near that neither slopes nor spread change by what could be noticed.
+    root, slopes = _whitening(points, _point_slopes(before, points, eyes), eyes, motion)
+    jacobian = _solved(root, slopes @ _moving(motion.applied(points))) / sigma_px
+    rows = jacobian.reshape(3 * count, 6)
     for _ in range(_ROUNDS):
-        root, slopes = _whitening(points, spread, eyes, motion)
-        there = motion.applied(points)
-        residuals = _solved(root, (after - eyes.seen(there))[..., None])[..., 0] / sigma_px
-        jacobian = _solved(root, slopes @ _moving(there)) / sigma_px
+        missed = after - eyes.seen(motion.applied(points))
+        residuals = _solved(root, missed[..., None])[..., 0] / sigma_px
         length = np.sqrt((residuals**2).sum(axis=1))
         scale = max(1.0, float(np.median(length)) / 1.54)  # the median length of a normal's three
         weights = 1.0 / (1.0 + (length / (_CAUCHY * scale)) ** 2)
         weights[length > _OUTLIER * scale] = 0.0
-        information = np.einsum("nij,nik,n->jk", jacobian, jacobian, weights)
-        step = np.linalg.solve(
-            information + 1e-9 * np.diag(np.diag(information)) + 1e-12 * np.eye(6),
-            np.einsum("nij,ni,n->j", jacobian, residuals, weights),
-        )
+        weighed = rows * np.repeat(weights, 3)[:, None]
+        information = weighed.T @ rows + 1e-12 * np.eye(6)
+        step = np.linalg.solve(information, weighed.T @ residuals.ravel())
         motion = motion.stepped(step)
-        if np.abs(step).max() < 1e-7:
+        if np.abs(step).max() < _STILL:
             break
     inliers = weights > 0.0
     freedom = max(3.0 * float(weights.sum()) - 6.0, 1.0)
     variance = float((weights * length**2).sum()) / freedom
-    # Weights shrink the squares of a normal's residuals too: by this much, by integration.
     variance /= _SHRUNK
     covariance = np.linalg.pinv(information, hermitian=True) * variance
     return MotionFit(motion, covariance, inliers, sigma_px * float(np.sqrt(variance)))
-
-
-_SHRUNK = 0.83
 
 
 def _point_slopes(seen: Floats, points: Floats, eyes: Eyes) -> Floats:

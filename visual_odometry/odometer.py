@@ -73,7 +73,7 @@ class VisualOdometer:
 
     def add(self, t_ns: int, picture: Image) -> VoFrame:
         """The next picture (height, 2 * width), grey; t_ns : the middle of its exposure."""
-        pair = EyePair(*self.rectifier.rectified(picture))
+        pair = EyePair.of(*self.rectifier.rectified(picture))
         if self._key is None:
             return self._begun(t_ns, pair)
         elapsed_s = (t_ns - self._last_ns) * 1e-9
@@ -120,23 +120,23 @@ class VisualOdometer:
         turn = float(self._speed[2]) * elapsed_s
         ahead = compose(self._motion, np.array([*(self._speed[:2] * elapsed_s), turn]))
         expected = self._car.camera_motion(ahead)
-        seen, good = followed(key, pair, eyes, expected, config)
-        if np.count_nonzero(good) < config.least_inliers:
-            return None, None, f"{np.count_nonzero(good)} points followed"
-        found = coarse_motion(key.points[good], seen[good], eyes, expected, config.ransac_px)
+        good, seen = followed(key, pair, eyes, expected, config)
+        if len(seen) < config.least_inliers:
+            return None, None, f"{len(seen)} points followed"
+        found = coarse_motion(key.points[good], seen, eyes, expected, config.ransac_px)
         if found is None:
             return None, None, "the points agree on no motion"
         motion, agree = found
         if not self._enough(int(agree.sum()), agree.size):
             return None, None, f"{agree.sum()} of {agree.size} points agree on a motion"
-        fit = self._refined(key, pair, seen, motion)
+        fit = self._refined(key, pair, motion)
         if fit is None:
             return None, None, "too few patches are found to be the same"
         told = self._car.car_motion(fit)
         return (fit, told, "") if self._possible(told, elapsed_s) else (None, None, "impossible")
 
     def _refined(
-        self, key: KeyFrame, pair: EyePair, seen: Floats, motion: Motion
+        self, key: KeyFrame, pair: EyePair, motion: Motion
     ) -> MotionFit | None:
         """The motion by patches that are bent as it tells, over all points that should be seen."""
         eyes = self.rectifier.eyes

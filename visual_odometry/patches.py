@@ -15,8 +15,8 @@ import numpy.typing as npt
 from geometry import Floats
 from visual_odometry.rectification import Image
 
-HALF_PX = 7
-_ROUNDS = 4
+HALF_PX = 6
+_ROUNDS = 3
 _STEP = np.arange(-HALF_PX, HALF_PX + 1, dtype=np.float32)
 _OFFSETS = np.stack([grid.ravel() for grid in np.meshgrid(_STEP, _STEP)])
 # Less weight at the rim, where the bending is told less well.
@@ -44,14 +44,15 @@ class Patches:
 
 def patches_at(image: Image, points: Floats) -> Patches:
     """The patches of points (n, 2) that are whole pixels, in the border of none."""
-    padded = image.astype(np.float32)
     at = np.rint(points).astype(int)
-    rows = at[:, 1:] + _OFFSETS[1].astype(int)
-    columns = at[:, :1] + _OFFSETS[0].astype(int)
-    values = padded[rows, columns]
-    slope_x = 0.5 * (padded[rows, columns + 1] - padded[rows, columns - 1])
-    slope_y = 0.5 * (padded[rows + 1, columns] - padded[rows - 1, columns])
-    values -= (values @ _WEIGHT)[:, None]
+    grown = np.arange(-HALF_PX - 1, HALF_PX + 2)
+    rows, columns = at[:, 1, None, None] + grown[:, None], at[:, 0, None, None] + grown
+    around = image[rows, columns].astype(np.float32)
+    count = len(at)
+    values = around[:, 1:-1, 1:-1].reshape(count, -1)
+    slope_x = (around[:, 1:-1, 2:] - around[:, 1:-1, :-2]).reshape(count, -1) * np.float32(0.5)
+    slope_y = (around[:, 2:, 1:-1] - around[:, :-2, 1:-1]).reshape(count, -1) * np.float32(0.5)
+    values = values - (values @ _WEIGHT)[:, None]
     # A mean that is free takes its share of the slopes.
     slope_x -= (slope_x @ _WEIGHT)[:, None]
     slope_y -= (slope_y @ _WEIGHT)[:, None]
@@ -75,18 +76,19 @@ def aligned(
     at = start.astype(np.float32)
     turn = bent.astype(np.float32)
     spread = turn @ _OFFSETS
-    for _ in range(_ROUNDS):
+    for left in reversed(range(_ROUNDS)):
         seen = _sampled(image, at, spread)
-        gain = patches.spread / np.maximum(np.sqrt((seen**2) @ _WEIGHT), 1e-3)
-        differs = seen * gain[:, None] - patches.values
+        length = np.maximum(np.sqrt((seen * seen) @ _WEIGHT), 1e-3)
+        differs = seen * (patches.spread / length)[:, None]
+        if not left:
+            alike = ((differs * patches.values) @ _WEIGHT) / np.maximum(patches.spread, 1e-3) ** 2
+        differs -= patches.values
         slopes = np.stack(
-            [(differs * patches.slope_x).sum(axis=1), (differs * patches.slope_y).sum(axis=1)], 1
+            [np.einsum("nk,nk->n", differs, slope) for slope in (patches.slope_x, patches.slope_y)],
+            axis=1,
         )
         step = (patches.solver @ slopes[..., None])[..., 0]
         at = at - (turn @ np.clip(step, -2.0, 2.0)[..., None])[..., 0]
-    seen = _sampled(image, at, spread)
-    length = np.sqrt((seen**2) @ _WEIGHT) * patches.spread
-    alike = ((seen * patches.values) @ _WEIGHT) / np.maximum(length, 1e-3)
     return at.astype(np.float64), alike.astype(np.float64)
 
 
@@ -98,4 +100,5 @@ def _sampled(image: Image, at: Single, spread: Single) -> Single:
     seen = np.asarray(
         cv2.remap(image, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.float32
     )
-    return seen - (seen @ _WEIGHT)[:, None]
+    seen -= (seen @ _WEIGHT)[:, None]
+    return seen
