@@ -30,7 +30,9 @@ def draw_cones(image: npt.NDArray[np.uint8], eye: Placed, cones: Floats, pose: F
         return
     middles = transform_points(inverse(pose), cones)
     away = np.hypot(*(middles - eye.position[:2]).T)
-    ahead = (middles - eye.position[:2]) @ eye.rotation[:2, 2] - eye.position[2] * eye.rotation[2, 2]
+    ahead = (middles - eye.position[:2]) @ eye.rotation[:2, 2] - eye.position[2] * eye.rotation[
+        2, 2
+    ]
     near = np.flatnonzero((away > BASE_RADIUS_M + _NEAREST_M) & (ahead > BASE_RADIUS_M))
     near = near[np.argsort(-away[near])]
     points = np.zeros((near.size, *_CORNERS.shape)) + _CORNERS
@@ -50,11 +52,11 @@ def draw_cones(image: npt.NDArray[np.uint8], eye: Placed, cones: Floats, pose: F
 def _may_be_seen(pixels: Floats, eye: Placed) -> npt.NDArray[np.bool_]:
     """(n, faces): not wholly to one side of the picture. Far outside a lens folds back."""
     size = np.array([eye.camera.width_px, eye.camera.height_px])
+    low, high = pixels.min(axis=2), pixels.max(axis=2)
     with np.errstate(invalid="ignore"):
-        below = (pixels < 0.0).all(axis=2).any(axis=2)
-        above = (pixels > size).all(axis=2).any(axis=2)
-        far = (np.abs(pixels - size / 2.0) > 1.5 * size).any(axis=(2, 3))
-    return ~(below | above | far)
+        outside = (high < 0.0) | (low > size) | (low < -size) | (high > 2.0 * size)
+    seen: npt.NDArray[np.bool_] = ~outside.any(axis=2)
+    return seen
 
 
 def _faces() -> tuple[Floats, Floats, Floats, Floats]:

@@ -47,7 +47,10 @@ def coarse_disparity(left: Image, right: Image, points: Floats) -> Floats:
     import cv2
 
     # Widened, as block matching leaves out the first columns.
-    wide = [cv2.copyMakeBorder(half, 0, 0, _DISPARITIES, 0, cv2.BORDER_REPLICATE) for half in (left, right)]
+    wide = [
+        cv2.copyMakeBorder(half, 0, 0, _DISPARITIES, 0, cv2.BORDER_REPLICATE)
+        for half in (left, right)
+    ]
     matcher = cv2.StereoBM.create(_DISPARITIES, _HALF_BLOCK_PX)
     matcher.setUniquenessRatio(5)
     found = np.asarray(matcher.compute(*wide), np.float64)[:, _DISPARITIES:] / 16.0

@@ -39,7 +39,9 @@ class EyePair:
         import cv2
 
         halves = [
-            np.asarray(cv2.resize(eye, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), np.uint8)
+            np.asarray(
+                cv2.resize(eye, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), np.uint8
+            )
             for eye in (left, right)
         ]
         return cls(left, right, *halves)
@@ -62,9 +64,7 @@ class KeyFrame:
         return len(self.seen)
 
 
-def key_frame(
-    pair: EyePair, eyes: Eyes, up: Floats, height_m: float, config: VoConfig
-) -> KeyFrame:
+def key_frame(pair: EyePair, eyes: Eyes, up: Floats, height_m: float, config: VoConfig) -> KeyFrame:
     """The corners of a pair whose depth is known.
 
     up : (3,) of the car in the left eye's frame; height_m : of the eye above the floor.
@@ -145,7 +145,8 @@ def _flow(source: Image, target: Image, start: Floats, guess: Floats) -> tuple[F
         return guess, np.zeros(0, bool)
     stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 12, 0.03)
     points, first = (
-        np.ascontiguousarray((at - 0.5) / 2.0, np.float32).reshape(-1, 1, 2) for at in (start, guess)
+        np.ascontiguousarray((at - 0.5) / 2.0, np.float32).reshape(-1, 1, 2)
+        for at in (start, guess)
     )
     found, status, _ = cv2.calcOpticalFlowPyrLK(
         source, target, points, first, winSize=_WINDOW, maxLevel=_LEVELS, criteria=stop,
@@ -157,8 +158,7 @@ def _flow(source: Image, target: Image, start: Floats, guess: Floats) -> tuple[F
 def _inside(at: Floats, image: Image) -> Mask:
     height, width = image.shape
     limit = np.array([width, height]) - BORDER_PX / 2.0
-    inside: Mask = ((at > BORDER_PX / 2.0) & (at < limit)).all(axis=1)
-    return inside
+    return np.asarray(((at > BORDER_PX / 2.0) & (at < limit)).all(axis=1))
 
 
 def _normals(points: Floats, up: Floats, height_m: float) -> Floats:
@@ -170,9 +170,7 @@ def _normals(points: Floats, up: Floats, height_m: float) -> Floats:
     return np.where(on_floor[:, None], up, facing)
 
 
-def _bending(
-    eyes: Eyes, points: Floats, normals: Floats, motion: Motion, *, right: bool
-) -> Floats:
+def _bending(eyes: Eyes, points: Floats, normals: Floats, motion: Motion, *, right: bool) -> Floats:
     """(n, 2, 2): d pixel in the new view's left or right eye / d pixel of the key frame's left.
 
     A pixel beside a point sees the plane through the point: Y = r (n.X) / (n.r) along its ray r.

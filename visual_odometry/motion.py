@@ -74,9 +74,9 @@ def coarse_motion(
     if len(points) < 6:
         return None
     pixels = np.ascontiguousarray(seen[:, :2])
-    turn = np.asarray(cv2.Rodrigues(expected.rotation)[0], np.float64)
+    near = np.asarray(cv2.Rodrigues(expected.rotation)[0], np.float64)
     found, turn, move, rows = cv2.solvePnPRansac(
-        np.ascontiguousarray(points), pixels, eyes.matrix, None, turn,
+        np.ascontiguousarray(points), pixels, eyes.matrix, None, near,
         expected.translation.reshape(3, 1).copy(), iterationsCount=200, confidence=0.999,
         reprojectionError=ransac_px, flags=cv2.SOLVEPNP_AP3P,
     )  # fmt: skip
@@ -84,7 +84,9 @@ def coarse_motion(
         return None
     inliers = np.zeros(len(points), bool)
     inliers[np.asarray(rows).ravel()] = True
-    turn, move = cv2.solvePnPRefineLM(points[inliers], pixels[inliers], eyes.matrix, None, turn, move)
+    turn, move = cv2.solvePnPRefineLM(
+        points[inliers], pixels[inliers], eyes.matrix, None, turn, move
+    )
     rotation = np.asarray(cv2.Rodrigues(turn)[0], np.float64)
     motion = Motion(rotation, np.asarray(move, np.float64).ravel())
     return motion, inliers
@@ -137,9 +139,7 @@ def _point_slopes(seen: Floats, points: Floats, eyes: Eyes) -> Floats:
     return slopes
 
 
-def _whitening(
-    points: Floats, spread: Floats, eyes: Eyes, motion: Motion
-) -> tuple[Floats, Floats]:
+def _whitening(points: Floats, spread: Floats, eyes: Eyes, motion: Motion) -> tuple[Floats, Floats]:
     """Cholesky factors (n, 3, 3) of the residuals' covariance, and d seen / d point (n, 3, 3)."""
     x, y, z = motion.applied(points).T
     slopes = np.zeros((len(points), 3, 3))
@@ -149,7 +149,7 @@ def _whitening(
     slopes *= (eyes.focal_px / z)[:, None, None]
     carried = slopes @ motion.rotation @ spread
     covariance = carried @ carried.transpose(0, 2, 1) + np.eye(3)
-    return np.linalg.cholesky(covariance), slopes
+    return np.asarray(np.linalg.cholesky(covariance), np.float64), slopes
 
 
 def _moving(there: Floats) -> Floats:

@@ -34,9 +34,9 @@ class VoFrame:
     """What one frame told.
 
     pose : (3,) of the car where it was first seen, covariance : (3, 3); the last known ones unless
-    tracked. motion_pose, motion_covariance : from the key frame that was in force. points, inliers :
-    followed, and of these in agreement. key : whether it is the new key frame; why : it is not
-    tracked.
+    tracked. motion_pose, motion_covariance : from the key frame that was in force. points,
+    inliers : found again, and of these in agreement; sigma_px : of one of them. key : whether it is
+    the new key frame; why : it is not tracked.
     """
 
     t_ns: int
@@ -91,7 +91,7 @@ class VisualOdometer:
         )  # fmt: skip
 
     def _begun(self, t_ns: int, pair: EyePair) -> VoFrame:
-        """Make this frame the key frame, with what was known last; nothing if it shows too little."""
+        """Make this frame the key frame, if it shows enough, where the car was known last."""
         self._last_ns = t_ns
         key = self._renewed(pair, self._key_pose, self._key_covariance)
         state = State.START if key and not self._started else State.LOST
@@ -135,9 +135,7 @@ class VisualOdometer:
         told = self._car.car_motion(fit)
         return (fit, told, "") if self._possible(told, elapsed_s) else (None, None, "impossible")
 
-    def _refined(
-        self, key: KeyFrame, pair: EyePair, motion: Motion
-    ) -> MotionFit | None:
+    def _refined(self, key: KeyFrame, pair: EyePair, motion: Motion) -> MotionFit | None:
         """The motion by patches that are bent as it tells, over all points that should be seen."""
         eyes = self.rectifier.eyes
         there = motion.applied(key.points)
@@ -147,9 +145,7 @@ class VisualOdometer:
         good &= ahead
         if np.count_nonzero(good) < self.config.least_inliers:
             return None
-        fit = fitted_motion(
-            key.seen[good], exact[good], eyes, motion, self.config.pixel_sigma_px
-        )
+        fit = fitted_motion(key.seen[good], exact[good], eyes, motion, self.config.pixel_sigma_px)
         seen_again = int(fit.inliers.sum())
         return fit if self._enough(seen_again, fit.inliers.size) else None
 

@@ -64,9 +64,7 @@ def patches_at(image: Image, points: Floats) -> Patches:
     return Patches(values, spread, slope_x * _WEIGHT, slope_y * _WEIGHT, solver)
 
 
-def aligned(
-    patches: Patches, image: Image, start: Floats, bent: Floats
-) -> tuple[Floats, Floats]:
+def aligned(patches: Patches, image: Image, start: Floats, bent: Floats) -> tuple[Floats, Floats]:
     """Where the patches are in an image (n, 2), from `start` (n, 2), and how alike (n,) -1..1.
 
     bent : (n, 2, 2) d pixel here / d pixel there. Brightness may differ by a factor and a shift.
