@@ -28,6 +28,7 @@ COMMANDS = {
     "import": ("capture.cli:import_group", "Make a session of a data set, a bag or TUM files."),
     "info": ("capture.cli:info", "What a session holds."),
     "track": ("tracking.cli:track", "Frames of the overhead camera to ground truth."),
+    "vo": ("visual_odometry.cli:vo", "Stereo pictures of the car to odometry."),
     "slam": ("slam.cli:slam", "Estimate path and landmark map of a session."),
     "slam tune": ("trackside.tuning.cli:tune", "Search the parameters of SLAM that score best."),
     "score": ("scoring.cli:score", "Score path and map against the truth."),

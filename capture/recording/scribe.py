@@ -16,14 +16,10 @@ from capture.sensor_messages import Status, diagnostics_message
 from capture.topics import (
     DIAGNOSTICS_TOPIC,
     DIAGNOSTICS_TYPE,
+    IMAGE_LOGS,
     LOG_NAME,
-    OVERHEAD_LOG_NAME,
-    ZED_LOG_NAME,
 )
 from drivers import DeviceBack, DeviceLost, Reading
-
-IMAGE_LOGS = frozenset({OVERHEAD_LOG_NAME, ZED_LOG_NAME})
-"""Logs whose messages are compressed already."""
 
 
 @dataclass(frozen=True)
