@@ -130,7 +130,40 @@ class WorldCalibration:
         return np.array(self.covariance)
 
 
-Calibration: TypeAlias = CameraCalibration | WorldCalibration
+@dataclass(frozen=True, kw_only=True)
+class DelayOfSession:
+    """What one joined session tells of the camera's delay."""
+
+    name: str
+    delay_s: float
+    sigma_s: float
+    residual_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraDelayCalibration:
+    """The content of `camera-delay_DATE.yaml`: by how much the overhead camera stamps wrong.
+
+    delay_s : offset of the clocks by the data minus that by the network, car minus film; below 0
+    where the camera's stamps are late (or the gyro's early). scatter_s : between the sessions.
+    """
+
+    format: int = FORMAT
+    kind: Literal["camera-delay"] = "camera-delay"
+    made_utc: str
+    accepted: bool
+    reasons: tuple[str, ...] = ()
+    delay_s: float
+    sigma_s: float
+    scatter_s: float
+    sessions: tuple[DelayOfSession, ...]
+    software: str = field(default_factory=software)
+
+    def __post_init__(self) -> None:
+        _check_format(self.format)
+
+
+Calibration: TypeAlias = CameraCalibration | WorldCalibration | CameraDelayCalibration
 _Kind = TypeVar("_Kind")
 
 
@@ -167,6 +200,11 @@ def read_world_calibration(place: Path) -> WorldCalibration:
     return _read(WorldCalibration, place, "world")
 
 
+def read_camera_delay(place: Path) -> CameraDelayCalibration:
+    """The camera's delay of a file, or of the newest `camera-delay_*.yaml` of a folder."""
+    return _read(CameraDelayCalibration, place, "camera-delay")
+
+
 def calibration_file(place: Path, kind: str) -> Path:
     """The file itself, or the newest of that kind in a folder; raises `CalibrationFileError`."""
     if place.is_file():
@@ -194,8 +232,12 @@ def _read(kind: type[_Kind], place: Path, name: str) -> _Kind:
         ) from err
 
 
-def _check(number: int, covariance: Rows, size: int) -> None:
+def _check_format(number: int) -> None:
     if number != FORMAT:
         raise ValueError(f"format {number} is not known; this trackside reads {FORMAT}")
+
+
+def _check(number: int, covariance: Rows, size: int) -> None:
+    _check_format(number)
     if len(covariance) != size or any(len(row) != size for row in covariance):
         raise ValueError(f"covariance must have {size} rows of {size} numbers")

@@ -15,6 +15,7 @@ from typing import Any
 
 from capture.clock import UtcLine, read_clock_pair
 from capture.errors import CaptureError
+from capture.recording.clock_witness import ClockWitness
 from capture.recording.facts import RecordingFacts
 from capture.recording.folder import held
 from capture.recording.inbox import Inbox
@@ -81,10 +82,10 @@ class Recorder:
     """A recording from the first byte to the verdict; a context manager.
 
     folder : of the session, which exists and is empty; translators of all `streams` were made with
-    `utc`. Entering connects every device and reads it; `is_ready` is set, and the recording counts,
-    once each has given something. Leaving stops devices first, then ends the
-    logs, then writes what is known. Raises `RecordingError` naming every device that cannot be
-    had, and leaves none of the others running.
+    `utc`; witness : asks other clocks meanwhile. Entering connects every device and reads it;
+    `is_ready` is set, and the recording counts, once each has given something. Leaving stops
+    devices first, then ends the logs, then writes what is known. Raises `RecordingError` naming
+    every device that cannot be had, and leaves none of the others running.
     """
 
     def __init__(
@@ -95,8 +96,10 @@ class Recorder:
         utc: UtcLine,
         limits: Limits = Limits(),
         clocks: Clocks = Clocks(),
+        witness: ClockWitness | None = None,
     ) -> None:
         self.folder, self.info = folder, info
+        self.witness = witness
         self._streams, self._utc, self._limits, self._clocks = dict(streams), utc, limits, clocks
         translators = {name: stream.translator for name, stream in streams.items()}
         self._scribe = Scribe(folder, translators, utc)
@@ -138,6 +141,8 @@ class Recorder:
         self._connected_ns = self._diagnosed_ns = self._clocks.monotonic_ns()
         self._start(self._connected_ns)
         self._writer.start()
+        if self.witness is not None:
+            self.witness.begin()
 
     def __exit__(
         self,
@@ -146,6 +151,8 @@ class Recorder:
         trace: TracebackType | None,
     ) -> None:
         stopped_ns = self._clocks.monotonic_ns()
+        if self.witness is not None:
+            self.witness.begin_last()
         if isinstance(error, Exception) and not self.ended_because:
             self.ended_because = f"of an error ({type(error).__name__})"
         with self._held:  # which stops the devices, once more, and lets go of the folder
@@ -310,3 +317,8 @@ class Recorder:
             verdict_reason=verdict.text,
         )
         write_session_info(self.folder, self.info)
+        if self.witness is not None:  # everything is safe by now
+            peer_clocks, chrony = self.witness.told()
+            if peer_clocks or chrony:
+                self.info = replace(self.info, peer_clocks=peer_clocks, chrony=chrony)
+                write_session_info(self.folder, self.info)
