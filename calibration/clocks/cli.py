@@ -121,9 +121,10 @@ def join_table(joining: Joining, title: str) -> Table:
         size = one.fit.residual_rms * (math.degrees(1.0) if one.source == "gyro" else 1e3)
         ppm = 1e6 * one.fit.skew
         sigma_ms = 1e3 * one.fit.sigma_offset_s
-        rows.append((one.source, offset_of(fit, one), sigma_ms, ppm, None, f"{size:.3f} {unit}"))
+        name = one.source if one.is_used else f"({one.source})"
+        rows.append((name, offset_of(fit, one), sigma_ms, ppm, None, f"{size:.3f} {unit}"))
     together = "data" if len(rows) == 1 else "together"
-    sigma_ms, ppm, sigma_ppm = 1e3 * fit.sigma_offset_s, 1e6 * fit.skew, 1e6 * fit.sigma_skew
+    sigma_ms, ppm, sigma_ppm = 1e3 * fit.sigma_s, 1e6 * fit.skew, 1e6 * fit.sigma_skew
     rows.append((together, fit.offset_s, sigma_ms, ppm, sigma_ppm, None))
     if network is not None:
         rows.append(("network", network.offset_ns * 1e-9, 1e3 * network.sigma_s, None, None, None))

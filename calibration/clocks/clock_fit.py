@@ -2,8 +2,8 @@
 
     t_car = t_film + offset + skew * (t_film - ref)
 
-The middle of the exposure as the camera stamps it and the delay of the gyro's filter both go into
-the offset (`camera_delay` tells them from what the machines say).
+What the camera stamps late and what the gyro's filter delays both go into the offset
+(`camera_delay` tells them from what the machines say).
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ from capture import FilmClock
 from geometry import Floats
 
 MOST_SIGMA_S = 2e-3
+STAMPS_SIGMA_S = 0.5e-3
+"""What the stamps themselves are off: a gyro's filter, the middle of an exposure."""
 DISAGREE_S, DISAGREE_SIGMAS = 5e-3, 3.0
 LEAST_RATE: dict[Source, float] = {"gyro": math.radians(3.0), "wheels": 0.05}
 """Below this (rad/s, m/s) the filmed car turned or changed its speed too little to be compared."""
@@ -36,15 +38,27 @@ MOST_RUN_S = 0.2
 class Seen:
     """One sensor against the film: the search, and the fit where it could be made.
 
-    silent : why it tells nothing, which another sensor may make good; reasons : what it says
-    against the film, which nothing makes good.
+    silent : why its search tells nothing, which another sensor may make good; doubt : why its fit
+    is not used, as of wheels that slid; reasons : what it says against the film, which nothing
+    makes good.
     """
 
     source: Source
     correlation: Correlation | None
     fit: LevelFit | None = None
     silent: str = ""
+    doubt: str = ""
     reasons: tuple[str, ...] = ()
+
+    @property
+    def is_used(self) -> bool:
+        """Whether its fit counts."""
+        return self.fit is not None and not self.doubt
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """Everything that is worth telling of it."""
+        return tuple(text for text in (self.silent, self.doubt, *self.reasons) if text)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +91,13 @@ class ClockFit:
 
     @property
     def sigma_offset_s(self) -> float:
-        """Standard deviation of the offset."""
+        """Standard deviation of the offset as the fit has it."""
         return float(np.sqrt(self.covariance[0, 0]))
+
+    @property
+    def sigma_s(self) -> float:
+        """Standard deviation of the offset with what the stamps themselves may be off."""
+        return math.hypot(self.sigma_offset_s, STAMPS_SIGMA_S)
 
     @property
     def sigma_skew(self) -> float:
@@ -96,10 +115,10 @@ class ClockFit:
             offset_ns=self.offset_ns,
             skew=self.skew,
             ref_ns=self.ref_ns,
-            sigma_ns=round(self.sigma_offset_s * 1e9),
+            sigma_ns=round(self.sigma_s * 1e9),
             sigma_skew=self.sigma_skew,
             method="the filmed car against its "
-            + " and ".join(one.source for one in self.sources if one.fit is not None),
+            + " and ".join(one.source for one in self.sources if one.is_used),
         )
 
 
@@ -115,9 +134,9 @@ def fit_clock(motions: Sequence[tuple[CarMotion, FilmedMotion]]) -> ClockFit:
         _fitted(car, film, one, clear[0]) if clear and clear[0] is not None else one
         for one, (car, film) in zip(found, motions, strict=True)
     )
-    fits = [one.fit for one in seen if one.fit is not None]
+    fits = [one.fit for one in seen if one.fit is not None and one.is_used]
     if not fits:
-        told = [text for one in seen for text in (one.silent, *one.reasons) if text]
+        told = [text for one in seen for text in one.texts]
         raise ClockError("\n".join([
             "the motion of the car does not tell the clocks apart:",
             *(f"  {text}" for text in told),
@@ -168,13 +187,14 @@ def _fitted(car: CarMotion, film: FilmedMotion, seen: Seen, clear: Correlation) 
     fit = fit_level(car, film, guess.offset_ns, found.scale if counts else 1.0)
     if fit is None:
         return replace(seen, silent=f"{car.source}: less than a second overlaps")
-    reasons = []
-    if fit.residual_rms > MOST_RESIDUAL[car.source] or fit.wander > MOST_WANDER[car.source]:
-        reasons.append(
-            f"{car.source}: what is left of the motion is {_level(car.source, fit.residual_rms)} "
-            f"rms and wanders by {_level(car.source, fit.wander)} per root of a second: is the "
-            "film that of another run?"
-        )
+    too_far = fit.residual_rms > MOST_RESIDUAL[car.source] or fit.wander > MOST_WANDER[car.source]
+    doubt = (
+        f"{car.source}: what is left of the motion is {_level(car.source, fit.residual_rms)} rms "
+        f"and wanders by {_level(car.source, fit.wander)} per root of a second: "
+    )
+    if too_far and car.source == "wheels":
+        return replace(seen, fit=fit, doubt=doubt + "did they slide, or is it another run?")
+    reasons = [doubt + "is the film that of another run?"] if too_far else []
     if abs(fit.offset_s) > MOST_RUN_S:
         reasons.append(f"{car.source}: the fit ran away from the peak by {fit.offset_s:+.2f} s")
     return replace(seen, fit=fit, reasons=tuple(reasons))
@@ -200,7 +220,7 @@ def _together(seen: tuple[Seen, ...], fits: Sequence[LevelFit]) -> ClockFit:
     if len(offsets) == 2:
         (first, sigma), (second, other) = offsets
         apart = abs(first - second), DISAGREE_S + DISAGREE_SIGMAS * math.hypot(sigma, other)
-    sigma = float(np.sqrt(covariance[0, 0]))
+    sigma = math.hypot(float(np.sqrt(covariance[0, 0])), STAMPS_SIGMA_S)
     return ClockFit(
         ref_ns=ref_ns,
         offset_ns=base_ns + round(float(offset) * 1e9),
@@ -209,7 +229,11 @@ def _together(seen: tuple[Seen, ...], fits: Sequence[LevelFit]) -> ClockFit:
         sources=seen,
         apart_s=apart,
         reasons=(*(text for one in seen for text in one.reasons), *_reasons(sigma, apart)),
-        remarks=tuple(one.silent for one in seen if one.silent and one.fit is None),
+        remarks=tuple(
+            f"not used, {one.doubt or one.silent}"
+            for one in seen
+            if not one.is_used and (one.doubt or one.silent)
+        ),
     )
 
 

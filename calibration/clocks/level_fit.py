@@ -170,15 +170,16 @@ def _solved(problem: _Problem, priors: Priors) -> LevelFit:
         x, left = x + step, residual - slopes @ step
         scatter, wander = _variances(left, weight, information, covariance, x[fixed:])
     inflation = _correlation_time(left * np.sqrt(weight))
+    clocks, weaker = _weakened(x[:2], covariance[:2, :2], inflation, priors.floor_s)
     spread: Floats = np.sqrt(np.diag(covariance) * inflation)
     walk = ramps @ x[fixed:]
     return LevelFit(
         source=problem.car.source,
         ref_ns=problem.ref_ns,
         base_ns=problem.base_ns,
-        offset_s=float(x[OFFSET]),
-        skew=float(x[SKEW]),
-        covariance=_inflated(covariance[:2, :2], inflation) + _floor(problem.t_s, priors.floor_s),
+        offset_s=float(clocks[OFFSET]),
+        skew=float(clocks[SKEW]),
+        covariance=weaker,
         scale=(1.0 + float(x[SCALE]), float(spread[SCALE])),
         extra=(float(x[EXTRA]), float(spread[EXTRA])),
         scatter=scatter,
@@ -259,13 +260,17 @@ def _correlation_time(residual: Floats) -> float:
     return total
 
 
-def _floor(t_s: Floats, floor_s: float) -> Floats:
-    """(2, 2): no offset is trusted better at any time, so no skew better over the whole time."""
-    return np.diag([floor_s**2, (2.0 * floor_s / float(t_s[-1] - t_s[0])) ** 2])
+def _weakened(
+    mean: Floats, covariance: Floats, inflation: float, floor_s: float
+) -> tuple[Floats, Floats]:
+    """Offset and skew with weaker data: their residuals are correlated, and there is a floor.
 
-
-def _inflated(covariance: Floats, inflation: float) -> Floats:
-    """Correlated residuals make the data weaker, but not what was known of the skew before."""
+    The prior of the skew, which is at zero, stays as strong as it is.
+    """
     prior = np.diag([0.0, SKEW_SIGMA**-2])
-    information = (np.linalg.inv(covariance) - prior) / inflation + prior
-    return np.asarray(np.linalg.inv(information))
+    whole = np.linalg.inv(covariance)
+    data, told = (whole - prior) / inflation, whole @ mean / inflation
+    weaker: Floats = np.asarray(np.linalg.inv(data + prior))
+    share = 1.0 + floor_s**2 / float(weaker[0, 0])
+    weaker = np.asarray(np.linalg.inv(data / share + prior))
+    return np.asarray(weaker @ told / share), weaker

@@ -91,7 +91,7 @@ def compared(
     delay_s, own = (delay.delay_s, math.hypot(delay.sigma_s, delay.scatter_s)) if (
         delay is not None and known
     ) else (0.0, UNKNOWN_DELAY_S)  # fmt: skip
-    sigma_s = math.sqrt(fit.sigma_offset_s**2 + network.sigma_s**2 + own**2)
+    sigma_s = math.sqrt(fit.sigma_s**2 + network.sigma_s**2 + own**2)
     return Comparison(apart_s, delay_s, sigma_s, known)
 
 
@@ -102,7 +102,7 @@ def disagreement(fit: ClockFit, network: NetworkOffset, found: Comparison) -> st
     )  # fmt: skip
     return (
         f"network and data disagree: the data say {fit.offset_s:+.4f} s (sigma "
-        f"{1e3 * fit.sigma_offset_s:.2f} ms), the network {network.offset_ns * 1e-9:+.4f} s (sigma "
+        f"{1e3 * fit.sigma_s:.2f} ms), the network {network.offset_ns * 1e-9:+.4f} s (sigma "
         f"{1e3 * network.sigma_s:.2f} ms, {network.method}), {1e3 * found.apart_s:+.1f} ms apart; "
         f"with {late} at most {1e3 * found.limit_s:.1f} ms are believed: is it the film of this "
         "run, was a clock set meanwhile, does the camera stamp late (trackside calibrate "

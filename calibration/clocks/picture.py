@@ -11,10 +11,12 @@ import numpy as np
 from calibration.clocks.clock_fit import ClockFit, Seen
 from calibration.clocks.level_fit import LevelFit
 from calibration.clocks.motion import Source
+from geometry import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+GAP_S = 0.2
 _FILM, _CAR, _LEFT, _PEAK = "#1b1c1e", "#0072b2", "#d55e00", "#009e73"
 _UNITS: dict[Source, tuple[str, float, str, float, str]] = {
     "gyro": ("heading [deg]", math.degrees(1.0), "left over [deg]", math.degrees(1.0), "deg/s"),
@@ -38,7 +40,7 @@ def write_join_picture(file: Path, fit: ClockFit, title: str) -> None:
         _draw_rate(grid[2, column], seen.fit)
         _draw_correlation(grid[3, column], seen)
     figure.suptitle(
-        f"{title}: offset {fit.offset_s:+.4f} s, sigma {1e3 * fit.sigma_offset_s:.2f} ms, "
+        f"{title}: offset {fit.offset_s:+.4f} s, sigma {1e3 * fit.sigma_s:.2f} ms, "
         f"skew {1e6 * fit.skew:+.0f} ppm, {'good' if fit.good else 'refused'}"
     )
     figure.savefig(file, dpi=100)
@@ -47,7 +49,7 @@ def write_join_picture(file: Path, fit: ClockFit, title: str) -> None:
 def _draw_level(axes: Axes, fit: LevelFit) -> None:
     name, unit, *_ = _UNITS[fit.source]
     axes.plot(fit.t_s, unit * fit.filmed, ".", color=_FILM, markersize=3.5, label="film")
-    told = unit * (fit.filmed - fit.residual)
+    told = _torn(fit, unit * (fit.filmed - fit.residual))
     axes.plot(fit.t_s, told, color=_CAR, linewidth=1.2, label=f"{fit.source}, fitted")
     axes.set_ylabel(name)
     axes.set_title(
@@ -69,14 +71,21 @@ def _draw_residual(axes: Axes, fit: LevelFit) -> None:
 def _draw_rate(axes: Axes, fit: LevelFit) -> None:
     *_, unit = _UNITS[fit.source]
     scale = math.degrees(1.0) if fit.source == "gyro" else 1.0
-    axes.plot(fit.t_s, scale * fit.rate, color=_CAR, linewidth=1.0, label=fit.source)
-    gap = np.diff(fit.t_s) > 0.2
+    axes.plot(fit.t_s, _torn(fit, scale * fit.rate), color=_CAR, linewidth=1.0, label=fit.source)
     filmed = np.gradient(fit.filmed, fit.t_s)
+    gap = np.diff(fit.t_s) > GAP_S
     filmed[1:][gap] = filmed[:-1][gap] = np.nan
     axes.plot(fit.t_s, scale * filmed, ".", color=_FILM, markersize=2.0, label="film, step by step")
     axes.set_ylabel("turn rate [deg/s]" if fit.source == "gyro" else f"speed [{unit}]")
     axes.set_xlabel("time of the film [s]")
     axes.legend(fontsize=8, frameon=False)
+
+
+def _torn(fit: LevelFit, values: Floats) -> Floats:
+    """The values with holes, so that no line is drawn over a gap of the film."""
+    torn = values.copy()
+    torn[1:][np.diff(fit.t_s) > GAP_S] = np.nan
+    return torn
 
 
 def _draw_correlation(axes: Axes, seen: Seen) -> None:

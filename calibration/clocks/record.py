@@ -23,7 +23,8 @@ def fit_record(
         "offset_ns": fit.offset_ns,
         "skew": fit.skew,
         "covariance": fit.covariance,
-        "sigma_offset_s": fit.sigma_offset_s,
+        "sigma_offset_s": fit.sigma_s,
+        "sigma_offset_of_the_fit_s": fit.sigma_offset_s,
         "sigma_skew": fit.sigma_skew,
         "verdict": "good" if fit.good else "bad",
         "reasons": fit.reasons,
@@ -50,7 +51,7 @@ def offset_of(fit: ClockFit, seen: Seen) -> float:
 
 
 def _source(fit: ClockFit, seen: Seen) -> dict[str, object]:
-    told: dict[str, object] = {"silent": seen.silent, "reasons": seen.reasons}
+    told: dict[str, object] = {"used": seen.is_used, "remarks": seen.texts}
     if seen.correlation is not None:
         told |= {
             "correlation": seen.correlation.best,
