@@ -11,11 +11,11 @@ from capture.log_reader import McapLog
 from capture.log_writer import LogWriter
 from capture.recording.check import checked
 from capture.recording.folder import held
-from capture.recording.scribe import IMAGE_LOGS
 from capture.recording.verdict import Verdict
 from capture.session import Session
 from capture.session_info import write_session_info
 from capture.session_writer import write_rosbag_metadata, written_topics
+from capture.topics import IMAGE_LOGS
 from capture.transaction import writing_error
 
 UNFINISHED = ".unfinished"
