@@ -50,7 +50,7 @@ from capture.landmark_table import (
     write_path_covariance,
 )
 from capture.log_tail import LogTail
-from capture.peer_file import read_peer_clock
+from capture.network_clock import read_peer_clock
 from capture.point_cloud import point_cloud_message
 from capture.session import Session, list_sessions, preferred_source
 from capture.session_info import ClockPair, FilmClock, PeerClock, SessionInfo, software

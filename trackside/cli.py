@@ -27,7 +27,7 @@ COMMANDS = {
     "markers": ("calibration.cli:markers", "Rings and boards to print, true to size."),
     "record": ("capture.recording.cli:record", "Record the car into a new session."),
     "film": ("capture.recording.cli:film", "Record the overhead camera into a new session."),
-    "clock": ("capture.clock_cli:clock", "The clocks of two machines, over the network."),
+    "clock": ("capture.network_clock.cli:clock", "The clocks of two machines, over the network."),
     "join": ("calibration.clocks.cli:join", "One session on one clock, of the car and its film."),
     "check": ("capture.recording.cli:check", "Is a recording any good?"),
     "recover": ("capture.recording.cli:recover", "Finish what a power cut broke off."),

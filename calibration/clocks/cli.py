@@ -53,6 +53,14 @@ _PATH = click.Path(path_type=Path)
     type=click.Choice(("gyro", "wheels")),
     help="Leave one sensor of the car out of the fit.",
 )
+@click.option(
+    "--most-sigma",
+    type=click.FloatRange(min=0.1, max=100.0),
+    default=2.0,
+    show_default=True,
+    metavar="MS",
+    help="How uncertain the offset may be; a car without gyro needs some 6.",
+)
 @click.option("--start-heading", type=float, metavar="DEG", help="Of the car, to 60 degrees.")
 @click.option("--no-clip", is_flag=True, help="Make no MP4, which takes as long as tracking.")
 @format_option()
@@ -65,6 +73,7 @@ def join(
     clock_files: tuple[Path, ...],
     trust_data: bool,
     without: str | None,
+    most_sigma: float,
     start_heading: float | None,
     no_clip: bool,
     table_format: str,
@@ -93,7 +102,9 @@ def join(
         tracked = _tracked(sessions[1], place, scene_file, start_heading)
         truth = tracked.result.truth
     motions = motions_of(sessions[0], truth, without)
-    joining = clock_of(*sessions, motions, peers, place, trust_data=trust_data)
+    joining = clock_of(
+        *sessions, motions, peers, place, trust_data=trust_data, most_sigma_s=1e-3 * most_sigma
+    )
     click.echo(
         join_table(joining, f"{sessions[0].name} and {sessions[1].name}").render(table_format)
     )

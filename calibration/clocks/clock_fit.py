@@ -122,8 +122,12 @@ class ClockFit:
         )
 
 
-def fit_clock(motions: Sequence[tuple[CarMotion, FilmedMotion]]) -> ClockFit:
+def fit_clock(
+    motions: Sequence[tuple[CarMotion, FilmedMotion]], most_sigma_s: float = MOST_SIGMA_S
+) -> ClockFit:
     """The clocks as the motion of the car tells them; each sensor with what the film saw of it.
+
+    most_sigma_s : an offset that is less well known is no good.
 
     Raises `ClockError` where no sensor finds the one offset at which the two look alike. A fit that
     is too uncertain or contradicts itself is given, with its `reasons`.
@@ -142,7 +146,7 @@ def fit_clock(motions: Sequence[tuple[CarMotion, FilmedMotion]]) -> ClockFit:
             *(f"  {text}" for text in told),
             f"Is it the film of this run? If so: {EXCITE}",
         ]))  # fmt: skip
-    return _together(seen, fits)
+    return _together(seen, fits, most_sigma_s)
 
 
 def _searched(car: CarMotion, film: FilmedMotion) -> Seen:
@@ -200,7 +204,7 @@ def _fitted(car: CarMotion, film: FilmedMotion, seen: Seen, clear: Correlation) 
     return replace(seen, fit=fit, reasons=tuple(reasons))
 
 
-def _together(seen: tuple[Seen, ...], fits: Sequence[LevelFit]) -> ClockFit:
+def _together(seen: tuple[Seen, ...], fits: Sequence[LevelFit], most_sigma_s: float) -> ClockFit:
     """All sensors, by their information; the skew's prior counts once."""
     ref_ns, base_ns = fits[0].ref_ns, fits[0].base_ns
     prior = np.diag([0.0, SKEW_SIGMA**-2])
@@ -228,7 +232,10 @@ def _together(seen: tuple[Seen, ...], fits: Sequence[LevelFit]) -> ClockFit:
         covariance=covariance,
         sources=seen,
         apart_s=apart,
-        reasons=(*(text for one in seen for text in one.reasons), *_reasons(sigma, apart)),
+        reasons=(
+            *(text for one in seen for text in one.reasons),
+            *_reasons(sigma, most_sigma_s, apart),
+        ),
         remarks=tuple(
             f"not used, {one.doubt or one.silent}"
             for one in seen
@@ -237,12 +244,15 @@ def _together(seen: tuple[Seen, ...], fits: Sequence[LevelFit]) -> ClockFit:
     )
 
 
-def _reasons(sigma_s: float, apart: tuple[float, float] | None) -> tuple[str, ...]:
+def _reasons(
+    sigma_s: float, most_sigma_s: float, apart: tuple[float, float] | None
+) -> tuple[str, ...]:
     reasons = []
-    if sigma_s > MOST_SIGMA_S:
+    if sigma_s > most_sigma_s:
         reasons.append(
             f"the offset is known to {1e3 * sigma_s:.1f} ms only (one sigma), at most "
-            f"{1e3 * MOST_SIGMA_S:g} ms are needed; {EXCITE}"
+            f"{1e3 * most_sigma_s:g} ms are needed; {EXCITE}; wheels alone know it to some "
+            "milliseconds (--most-sigma)"
         )
     if apart is not None and apart[0] > apart[1]:
         reasons.append(

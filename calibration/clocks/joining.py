@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from calibration.clocks.clock_fit import ClockFit, fit_clock
+from calibration.clocks.clock_fit import MOST_SIGMA_S, ClockFit, fit_clock
 from calibration.clocks.errors import ClockError
 from calibration.clocks.motion import (
     CarMotion,
@@ -155,13 +155,14 @@ def clock_of(
     place: Path | None = None,
     *,
     trust_data: bool = False,
+    most_sigma_s: float = MOST_SIGMA_S,
 ) -> Joining:
     """The clocks of two sessions.
 
     peers : besides what the recorder of the car was told; place : where a calibration of the
     camera's delay may be. Raises `ClockError`.
     """
-    fit = fit_clock(motions)
+    fit = fit_clock(motions, most_sigma_s)
     peers = (*car.info.peer_clocks, *film.info.peer_clocks, *peers)
     network, remarks = network_offset(car.info, film.info, peers, fit.ref_ns)
     comparison = None if network is None else compared(fit, network, _delay(film, place))

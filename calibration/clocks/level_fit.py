@@ -35,7 +35,8 @@ class Priors:
     """What is known of a sensor before: standard deviations, and a first guess of its wander.
 
     extra : of the bias (rad/s) or of the slip (s^2/m); wander : per root of a second; floor_s : no
-    offset is trusted better (a count of wheels is 2 mm, and they slip as they like).
+    offset is trusted better: wheels whose slip goes with the acceleration lead by some milliseconds
+    as a clock would.
     """
 
     scale: float
@@ -47,7 +48,7 @@ class Priors:
 
 PRIORS: dict[Source, Priors] = {
     "gyro": Priors(scale=0.03, extra=0.05, scatter=2e-3, wander=5e-4),
-    "wheels": Priors(scale=0.05, extra=5e-3, scatter=2e-3, wander=2e-3, floor_s=1e-3),
+    "wheels": Priors(scale=0.05, extra=5e-3, scatter=2e-3, wander=2e-3, floor_s=4e-3),
 }
 
 

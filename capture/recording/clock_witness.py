@@ -10,8 +10,7 @@ import threading
 from collections.abc import Callable
 from functools import partial
 
-from capture.chrony import chrony_words
-from capture.network_clock import ask
+from capture.network_clock import ask, chrony_words
 from capture.session_info import PeerClock
 
 FIRST_S, LAST_S = 2.0, 0.5

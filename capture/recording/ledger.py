@@ -137,8 +137,8 @@ class Ledger:
         )
         write_session_info(self.folder, self.info)
 
-    def note_clocks(self, peer_clocks: tuple[PeerClock, ...], chrony: tuple[str, ...]) -> None:
-        """What was heard of other clocks, which comes when all else is written."""
+    def add_clocks(self, peer_clocks: tuple[PeerClock, ...], chrony: tuple[str, ...]) -> None:
+        """What other clocks said, once everything else is known."""
         if peer_clocks or chrony:
             self.info = replace(self.info, peer_clocks=peer_clocks, chrony=chrony)
             write_session_info(self.folder, self.info)

@@ -70,9 +70,9 @@ class Recorder:
         witness: ClockWitness | None = None,
     ) -> None:
         self.folder = folder
-        self.witness = witness
         self._limits, self._clocks = limits, clocks
         self._ledger = Ledger(folder, info, streams, utc)
+        self.witness = witness
         bounds = {name: stream.waiting for name, stream in streams.items()}
         self._inbox: Inbox[Item] = Inbox({**bounds, SELF: 60})
         self._readers = {name: self._reader(name, s.device) for name, s in streams.items()}
@@ -247,4 +247,4 @@ class Recorder:
         ended = read_clock_pair(self._clocks.monotonic_ns, self._clocks.utc_ns)
         self._ledger.finish(last, ended)
         if self.witness is not None:  # everything is safe by now
-            self._ledger.note_clocks(*self.witness.told())
+            self._ledger.add_clocks(*self.witness.told())

@@ -16,6 +16,7 @@ recording:
   folder: sessions
   disk_reserve_mb: 500     # a recording ends when less room is left
   still_s: 2.0             # the car stands at the start, for the bias of the gyro
+  # clock_server: LAPTOP   # where trackside clock serve runs: asked at start and end
 """
 
 _VESC_CALIBRATION = """\

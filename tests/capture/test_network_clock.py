@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from capture import read_peer_clock
-from capture.network_clock import (
+from capture.network_clock.round_trip import (
     MachineClocks,
     NetworkClockError,
     _packed,

@@ -50,12 +50,15 @@ def test_wheels_alone_tell_the_clocks_less_well_and_say_so() -> None:
     errors, sigmas = [], []
     for seed in SEEDS:
         drive = Drive(seed=seed)
-        fit = fit_clock([drive.wheels()])
+        fit = fit_clock([drive.wheels()], most_sigma_s=6e-3)
+        assert fit.good
         errors.append(error_s(fit, drive))
         sigmas.append(fit.sigma_offset_s)
     assert np.sqrt(np.mean(np.square(errors))) < 1.5e-3
     assert np.abs(np.divide(errors, sigmas)).max() < 4.0
-    assert min(sigmas) > 0.95e-3
+    # How they slip is not known, so that they alone are not enough unless they are told to be.
+    assert min(sigmas) > 3.5e-3
+    assert "at most 2 ms are needed" in refusal([Drive(seed=0).wheels()])
 
 
 def test_counts_of_unknown_length_do_as_well() -> None:
@@ -145,7 +148,7 @@ def test_a_gyro_of_the_other_sign_is_told() -> None:
 def test_gyro_and_wheels_that_contradict_each_other_are_refused() -> None:
     drive = Drive(seed=3)
     wheels, film = drive.wheels()
-    late = replace(wheels, t_ns=wheels.t_ns + 20_000_000)
+    late = replace(wheels, t_ns=wheels.t_ns + 30_000_000)
     fit = fit_clock([drive.gyro(), (late, film)])
     assert not fit.agree
     assert "gyro and wheels are" in fit.reasons[0]

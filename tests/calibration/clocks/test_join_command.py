@@ -21,7 +21,7 @@ from capture import (
     read_yaml,
     write_calibration,
 )
-from capture.peer_file import write_peer_clock
+from capture.network_clock import write_peer_clock
 from geometry import Floats, Stamps
 from trackside.cli import trackside
 

@@ -8,9 +8,9 @@ import pytest
 from toy_devices import UTC_0, S, ToyClocks, ToyDevice, toy_streams
 
 from capture import PeerClock, Session, SessionInfo
-from capture.chrony import chrony_words
 from capture.configuration import configuration_from_text
 from capture.errors import ConfigurationError
+from capture.network_clock import chrony_words
 from capture.recording.clock_witness import ClockWitness
 from capture.recording.recorder import Limits, Recorder
 from capture.recording.rig import Rig

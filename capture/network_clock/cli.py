@@ -52,8 +52,7 @@ def serve_command(port: int) -> None:
 @format_option()
 def ask_command(host: str, seconds: float, output: Path | None, table_format: str) -> None:
     """How far the clock of HOST, where trackside clock serve runs, is from ours."""
-    from capture.network_clock import ask
-    from capture.peer_file import write_peer_clock
+    from capture.network_clock import ask, write_peer_clock
 
     if output is not None and output.exists():
         raise UsageError(f"{output} exists already and is never overwritten; give another name")
