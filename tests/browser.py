@@ -99,6 +99,8 @@ class Browser:
 
     def look(self, page: Path, width: int, *, dark: bool = False, height: int = 900) -> Look:
         """Open a file `width` CSS pixels wide, for a reader who prefers light or dark pages."""
+        if not page.is_file():  # Chromium would show a page of its own, which has no faults
+            raise FileNotFoundError(page)
         self._cdp("Network.setCacheDisabled", cacheDisabled=True)
         screen = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         self._cdp("Emulation.setDeviceMetricsOverride", **screen)

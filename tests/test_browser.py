@@ -41,6 +41,13 @@ def test_what_is_wrong_is_told(browser: Browser, tmp_path: Path, body: str, told
     assert any(told in fault for fault in found), found
 
 
+def test_a_page_that_is_not_there_is_no_page_without_faults(
+    browser: Browser, tmp_path: Path
+) -> None:
+    with pytest.raises(FileNotFoundError):
+        browser.look(tmp_path / "nowhere.html", 390)
+
+
 def test_light_dark_and_width_are_what_was_asked_for(browser: Browser, tmp_path: Path) -> None:
     script = """<p></p><script>document.querySelector("p").textContent = innerWidth + " " +
     matchMedia("(prefers-color-scheme: dark)").matches</script>"""
