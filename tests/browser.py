@@ -175,13 +175,15 @@ class Browser:
 
 
 def faults(browser: Browser, page: Path) -> list[str]:
-    """What is wrong with a page that shall stand alone, at a desk and on a phone, light and dark."""
+    """What is wrong with a page that shall stand alone: at a desk, on a phone, light and dark."""
     found = []
     for width, dark in [(1280, False), (1280, True), (390, False), (390, True)]:
         look = browser.look(page, width, dark=dark)
         here = f"{width} px {'dark' if dark else 'light'}: "
         found += [f"{here}console: {message}" for message in look.console]
-        found += [f"{here}asks for {url}" for url in look.requests if url != page.resolve().as_uri()]
+        found += [
+            f"{here}asks for {url}" for url in look.requests if url != page.resolve().as_uri()
+        ]
         found += [f"{here}past the edge: {element}" for element in look.overflow]
         found += [f"{here}faint, {t.contrast} < {t.needed}: {t.text}" for t in look.faint]
     return found
