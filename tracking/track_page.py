@@ -117,9 +117,7 @@ def _draw_residuals(axes: Axes, result: TrackResult) -> None:
 
 def _draw_span(axes: Axes, result: TrackResult) -> None:
     both = result.tracks.seen[:, -2:].all(axis=1)
-    t_s = _since_start(result)[both]
-    keep = _thinned(len(t_s))
-    axes.plot(t_s[keep], 1e3 * result.span_m[keep], color=_CAR, linewidth=0.9)
+    _plot_known(axes, _since_start(result), np.flatnonzero(both), 1e3 * result.span_m)
     # Tenths of a millimetre around 200: whole numbers on the axis, not an offset above it.
     axes.ticklabel_format(axis="y", useOffset=False)
     axes.set_ylabel("distance [mm]")
@@ -128,12 +126,18 @@ def _draw_span(axes: Axes, result: TrackResult) -> None:
 def _draw_sigma(axes: Axes, result: TrackResult) -> None:
     covariances = result.truth.path_covariances
     assert covariances is not None
-    t_s = _since_start(result)[result.rows]
-    keep = _thinned(len(t_s))
-    sigma = 1e3 * np.sqrt(covariances[:, 0, 0] + covariances[:, 1, 1])
-    axes.plot(t_s[keep], sigma[keep], color=_CAR, linewidth=0.9)
+    sigma_mm = 1e3 * np.sqrt(covariances[:, 0, 0] + covariances[:, 1, 1])
+    _plot_known(axes, _since_start(result), result.rows, sigma_mm)
     axes.set_ylabel("sigma [mm]")
     axes.set_ylim(bottom=0.0)
+
+
+def _plot_known(axes: Axes, t_s: Floats, rows: npt.NDArray[np.integer], values: Floats) -> None:
+    """A line through the frames `rows` (k,), with gaps where there is no value (k,)."""
+    whole = np.full(len(t_s), np.nan)
+    whole[rows] = values
+    keep = _thinned(len(t_s))
+    axes.plot(t_s[keep], whole[keep], color=_CAR, linewidth=0.9)
 
 
 def _shade_gaps(axes: Axes, t_s: Floats, both: npt.NDArray[np.bool_]) -> None:
