@@ -7,13 +7,18 @@ landmark tables. `rosbags` and `mcap` are imported when a log is opened, not bef
 from capture.arrived import Arrived
 from capture.calibrations import (
     CameraCalibration,
+    CameraDelayCalibration,
+    DelayOfSession,
     LengthResidual,
     PlacedMarker,
+    StereoCalibration,
     ViewResidual,
     WorldCalibration,
     calibration_file,
     now_utc,
     read_camera_calibration,
+    read_camera_delay,
+    read_stereo_calibration,
     read_world_calibration,
     write_calibration,
 )
@@ -35,6 +40,7 @@ from capture.errors import (
 from capture.estimate import NO_STAMP, Estimate, EstimatedMap, GroundTruth
 from capture.growing_odometry import GrowingOdometry, no_odometry
 from capture.images import LoggedImage
+from capture.joined import check_parts, keep_pictures, mapped_truth, new_joined_session
 from capture.landmark_table import (
     read_estimated_map,
     read_landmarks,
@@ -44,9 +50,10 @@ from capture.landmark_table import (
     write_path_covariance,
 )
 from capture.log_tail import LogTail
+from capture.peer_file import read_peer_clock
 from capture.point_cloud import point_cloud_message
 from capture.session import Session, list_sessions, preferred_source
-from capture.session_info import ClockPair, SessionInfo, software
+from capture.session_info import ClockPair, FilmClock, PeerClock, SessionInfo, software
 from capture.stamps import ns_to_stamp, stamp_to_ns
 from capture.streams import (
     Drive,
@@ -54,6 +61,7 @@ from capture.streams import (
     Observations,
     Odometry,
     Scans,
+    UncertainOdometry,
     VescState,
     extended,
     joined,
@@ -68,12 +76,15 @@ __all__ = [
     "Arrived",
     "CalibrationFileError",
     "CameraCalibration",
+    "CameraDelayCalibration",
     "CaptureError",
     "ClockPair",
     "ConfigurationError",
+    "DelayOfSession",
     "Drive",
     "Estimate",
     "EstimatedMap",
+    "FilmClock",
     "GroundTruth",
     "GrowingOdometry",
     "Imu",
@@ -84,34 +95,44 @@ __all__ = [
     "MissingStreamError",
     "Observations",
     "Odometry",
+    "PeerClock",
     "PlacedMarker",
     "Scans",
     "Session",
     "SessionError",
     "SessionInfo",
+    "StereoCalibration",
     "TextFileError",
     "TumPath",
+    "UncertainOdometry",
     "VescState",
     "ViewResidual",
     "WorldCalibration",
     "calibration_file",
+    "check_parts",
     "configuration_from_mapping",
     "configuration_from_text",
     "extended",
     "joined",
+    "keep_pictures",
     "list_sessions",
+    "mapped_truth",
     "new_folder",
+    "new_joined_session",
     "no_odometry",
     "now_utc",
     "ns_to_stamp",
     "point_cloud_message",
     "preferred_source",
     "read_camera_calibration",
+    "read_camera_delay",
     "read_configuration",
     "read_estimated_map",
     "read_landmarks",
     "read_path_covariance",
+    "read_peer_clock",
     "read_planar_tum",
+    "read_stereo_calibration",
     "read_tum",
     "read_world_calibration",
     "read_yaml",
