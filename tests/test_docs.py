@@ -15,12 +15,12 @@ PAGES = sorted([*REPOSITORY.glob("*.md"), *(REPOSITORY / "docs").glob("*.md")])
 ROOMS = sorted(folder.parent.name for folder in REPOSITORY.glob("*/py.typed"))
 
 NAME = re.compile(rf"`((?:{'|'.join(ROOMS)})(?:\.\w+)+)`")
+# Names and a year: "Neira and Tardos (IEEE T-RA 17, 2001)"; the thesis' title is no equation.
 CITED = re.compile(
-    r"IEEE (?:T-|TAES|PAMI|Trans)|IJRR|ICRA|IJCAI|AAAI|FUSION|IROS|arXiv|SIGGRAPH|Cartographica|"
-    r"Thrun|Bar-Shalom|Zisserman|Saerkkae|Triggs|Takahashi|Efron|Huber \(|[Tt]hesis (?:Eq|appendix)"
+    r"[A-Z][a-z]+(?:(?!KTH)[\w., &()'\"-]){0,80}?,? \(?(?:19|20)\d\d\b|[Tt]hesis (?:Eq|appendix)"
 )
-# They cite whose files they read.
-READERS = {"capture.import_mrclam", "capture.tum"}
+# They cite whose files and bytes they read.
+READERS = {"capture.import_mrclam", "capture.tum", "drivers.imu.mpu9250.protocol"}
 # An entry point's group and no module.
 NO_CODE = {"trackside.slam"}
 WITHOUT_EQUATIONS = {"dialogue", "trackside"}
