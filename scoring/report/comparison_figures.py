@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dialogue.pages import FONT_PT, INK, PALETTE, figure_svg, series_colour, series_dash
 from scoring.comparison import COLUMNS, Comparison, Interval, Summary, members
 from scoring.comparison.tables import HEADINGS
-from scoring.report.svg import FONT_PT, INK, PALETTE, figure_svg, series_colour, series_dash
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
