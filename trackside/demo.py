@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from dialogue import TracksideError
+from trackside.shipped import example
 
 PRESETS = ("thesis", "robust")
 
@@ -25,7 +25,7 @@ def demo(output: Path | None) -> None:
 
     target = output or _free_name(Path("trackside-demo"))
     with new_folder(target) as folder:
-        shutil.copytree(_example("loop"), folder, dirs_exist_ok=True)
+        shutil.copytree(example("loop"), folder, dirs_exist_ok=True)
     click.echo(f"A car drove two and a half rounds between 14 cones; the recording is {target}.")
     click.echo("The first run compiles its kernels, which takes some seconds.")
     for preset in PRESETS:
@@ -40,15 +40,6 @@ def _run(*words: str) -> None:
 
     click.echo(f"\n$ trackside {' '.join(words)}")
     trackside.main(args=list(words), standalone_mode=False)
-
-
-def _example(name: str) -> Path:
-    """The folder of a shipped example: inside the installed package, or in the checkout."""
-    here = Path(__file__).parent
-    for folder in (here / "examples" / name, here.parent / "examples" / name):
-        if (folder / "session.yaml").is_file():
-            return folder
-    raise TracksideError(f"the example {name!r} is missing from this installation; reinstall it")
 
 
 def _free_name(wanted: Path) -> Path:

@@ -29,7 +29,8 @@ Done = Iterator[tuple[Job, Outcome | Failure]]
 Runner = Callable[[Sequence[Job]], Done[Job, Outcome]]
 """Runs jobs and gives each with its outcome, in the order in which they are done."""
 
-_ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "OMP", "MKL", "NUMBA")}
+ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "OMP", "MKL", "NUMBA")}
+"""Environment of a process that is one of many on a machine."""
 CONNECT_S = 10
 
 
@@ -133,8 +134,8 @@ def _pool(workers: int) -> ProcessPoolExecutor:
 @contextmanager
 def _one_thread_each() -> Iterator[None]:
     """Processes that start within use one thread each, as all cores are taken."""
-    before = {name: os.environ.get(name) for name in _ONE_THREAD}
-    os.environ.update(_ONE_THREAD)
+    before = {name: os.environ.get(name) for name in ONE_THREAD}
+    os.environ.update(ONE_THREAD)
     try:
         yield
     finally:
