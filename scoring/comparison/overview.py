@@ -61,7 +61,7 @@ def _row(preset: str, comparison: Comparison, algorithm: str) -> tuple[Cell, ...
     found = thesis_means(algorithm)
     thesis: tuple[Cell, ...] = (None,) * 4
     if found is not None:
-        thesis = (found.total, found.missed, found.false, found.pose)
+        thesis = (found.weighted["total"], found.missed, found.false, found.weighted["pose"])
     return (
         *(preset, algorithm, total.n, sum(run.missing for run in own)),
         *(total.mean, *interval_cells(total.interval)),

@@ -15,13 +15,14 @@ from scoring.comparison.thesis import (
     TOTAL_RATIO,
 )
 
-AGREES, DISAGREES, OPEN = "agrees", "does not agree", "not shown"
+AGREES, DISAGREES, OPEN = "agrees", "disagrees", "open"
+LOWER, HIGHER, LEVEL = "lower", "higher", "level"
 NAMES = {"ekf": "EKF-SLAM", "fastslam": "FastSLAM"}
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """One finding of the thesis against ours: `word` is one of the three above."""
+    """One finding of the thesis against ours: `word` is one of those above."""
 
     word: str
     text: str
@@ -41,19 +42,19 @@ def told(algorithm: str) -> str:
 
 
 def _level(comparison: Comparison, algorithm: str) -> Verdict | None:
-    own, thesis = summary_of(comparison, algorithm, "total"), thesis_means(algorithm)
-    if own.mean is None or thesis is None:
+    own, found = summary_of(comparison, algorithm, "total"), thesis_means(algorithm)
+    if own.mean is None or found is None:
         return None
+    thesis = found.weighted["total"]
     text = (
         f"{told(algorithm)} has a mean Total of {own.mean:.2f} m{_spread(own.interval)} over "
-        f"{own.n} runs; in the thesis it was {thesis.total:.2f} m"
+        f"{own.n} runs; in the thesis it was {thesis:.2f} m"
     )
     if own.interval is None:
         return Verdict(OPEN, f"{text}. Too few runs for an interval.")
-    if own.interval.low <= thesis.total <= own.interval.high:
-        return Verdict(AGREES, f"{text}, which lies within.")
-    side = "lower" if own.mean < thesis.total else "higher"
-    return Verdict(DISAGREES, f"{text}: ours is {side}.")
+    if own.interval.low <= thesis <= own.interval.high:
+        return Verdict(LEVEL, f"{text}, which lies within.")
+    return Verdict(LOWER if own.mean < thesis else HIGHER, f"{text}.")
 
 
 def _order(comparison: Comparison) -> Verdict | None:
@@ -94,9 +95,11 @@ def _correlation(comparison: Comparison, algorithm: str) -> Verdict | None:
     ends = own.pearson_interval
     if ends is None:
         return Verdict(OPEN, f"{text}. Too few runs for an interval.")
+    if low <= own.pearson <= high or ends.low <= r <= ends.high:
+        return Verdict(AGREES, f"{text}: one lies in the interval of the other.")
     if ends.low <= high and low <= ends.high:
-        return Verdict(AGREES, f"{text}. The intervals overlap.")
-    return Verdict(DISAGREES, f"{text}. The intervals do not overlap.")
+        return Verdict(OPEN, f"{text}: the intervals only overlap.")
+    return Verdict(DISAGREES, f"{text}: the intervals do not even overlap.")
 
 
 def correlation_of(comparison: Comparison, algorithm: str, group: str = "") -> Correlation | None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from dialogue import Cell, Table
+from dialogue import Table
 from scoring.comparison import Comparison
 from scoring.comparison.compare import EVERYTHING
 from scoring.comparison.overview import overview
@@ -16,13 +16,12 @@ from scoring.report.campaign_tables import (
     correlation_table,
     disagreeing,
     effect_table,
-    means_table,
     ranking_table,
     ratio_table,
     run_tables,
     table_words,
 )
-from scoring.report.comparison_figures import correlation_svg, dataset_svg
+from scoring.report.comparison_figures import correlation_svg, dataset_svg, ratio_svg
 from scoring.report.html import render, view
 from scoring.report.svg import SERIES
 from scoring.report.thesis_figures import Scene, errors_svg, scene_svgs
@@ -66,7 +65,7 @@ def write_campaign_report(path: Path, report: CampaignReport) -> None:
         "campaign.html",
         title=report.title,
         subtitle=f"{len(report.drives.rows)} sessions, {runs} runs",
-        overview=_overview(comparisons),
+        overview=view(overview(comparisons)),
         verdicts=[(name, verdicts(c)) for name, c in comparisons.items()],
         campaign_parts=[_part(name, part) for name, part in report.parts.items()],
         facts=view(Table(("what", "value"), report.facts, title="How it was made")),
@@ -75,19 +74,6 @@ def write_campaign_report(path: Path, report: CampaignReport) -> None:
         definition=report.definition,
     )
     write_text(path, page)
-
-
-def _overview(comparisons: Mapping[str, Comparison]) -> list[dict[str, object]]:
-    """Ours and the thesis', one table each, so that a narrow screen shows both."""
-    whole = overview(comparisons)
-    ours = tuple(row[:10] for row in whole.rows)
-    thesis: dict[Cell, tuple[Cell, ...]] = {row[1]: (row[1], *row[10:]) for row in whole.rows}
-    known = tuple(row for row in thesis.values() if row[1] is not None)
-    tables = [Table(whole.columns[:10], ours, title="This campaign")]
-    if known:
-        names = ("algorithm", "Total [m]", "missed", "false", "pose [m]")
-        tables.append(Table(names, known, title="The thesis, 26 runs each", note=whole.note))
-    return [view(table) for table in tables]
 
 
 def _part(name: str, part: Part) -> dict[str, object]:
@@ -101,6 +87,7 @@ def _part(name: str, part: Part) -> dict[str, object]:
         "maps": [_map(name, part, group) for group in maps],
         "datasets": [dataset_svg(c, column) for column in ("pose", "total")],
         "correlation": correlation_svg(c),
+        "ratios": [ratio_svg(c, rival) for rival in _rivals(c)],
         "ranked": disagreeing(c),
         "tables": [view(table) for table in (*everything, *tables) if table.rows],
         "remarks": c.remarks,
@@ -108,6 +95,10 @@ def _part(name: str, part: Part) -> dict[str, object]:
         "how": c.how,
         "baseline": c.baseline,
     }
+
+
+def _rivals(comparison: Comparison) -> list[str]:
+    return list(dict.fromkeys(contrast.algorithm for contrast in comparison.contrasts))
 
 
 def _map(preset: str, part: Part, group: str) -> dict[str, object]:
@@ -123,7 +114,6 @@ def _map(preset: str, part: Part, group: str) -> dict[str, object]:
         "place": place,
         "answers": table_words(group, c),
         "runs": [view(table) for table in run_tables(c, group)],
-        "means": {**view(means_table(c, group)), "folded": True},
         "ratios": [view(table) for table in ratios if table.rows],
     }
 

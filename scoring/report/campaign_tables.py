@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from dialogue import Cell, Table
 from scoring.comparison import Comparison
@@ -25,13 +26,23 @@ from scoring.comparison.thesis import (
     map_name,
 )
 
-COUNT_WEIGHT_M = 0.3
-"""Of a missed or false landmark in the thesis."""
-
 
 def run_tables(comparison: Comparison, group: str) -> list[Table]:
-    """Every error of every data set of one map, a table per algorithm: as 4.2 and 4.3."""
-    return [run_table(comparison, group, name) for name in comparison.algorithms]
+    """Every error of every data set of one map, a table per algorithm: as 4.2 and 4.3.
+
+    The last row has the thesis' own means, where it has the map and the algorithm.
+    """
+    tables = []
+    for name in comparison.algorithms:
+        table, found = run_table(comparison, group, name), thesis_means(name, map_name(group))
+        if found is not None:
+            last: tuple[Cell, ...] = (
+                "thesis mean",
+                *(found.weighted[column] for column in COLUMNS),
+            )
+            table = replace(table, rows=(*table.rows, last))
+        tables.append(table)
+    return tables
 
 
 def table_words(group: str, comparison: Comparison) -> str:
@@ -39,22 +50,6 @@ def table_words(group: str, comparison: Comparison) -> str:
     place = PLACES.get(map_name(group))
     numbers = [place.tables.get(name, "") for name in comparison.algorithms] if place else []
     return " and ".join(number for number in numbers if number)
-
-
-def means_table(comparison: Comparison, group: str) -> Table:
-    """Mean, spread and interval of each error on one map, beside the thesis' mean where known."""
-    rows: list[tuple[Cell, ...]] = []
-    for s in comparison.summaries:
-        if s.group == group:
-            thesis = _thesis_mean(s.algorithm, group, s.column)
-            cells = (s.n, s.mean, *interval_cells(s.interval), s.std, thesis)
-            rows.append((s.algorithm, HEADINGS[s.column], *cells))
-    level = f"{comparison.how.level:.0%}"
-    return Table(
-        ("algorithm", "error", "n", "mean [m]", f"{level} from", f"{level} to", "std", "thesis"),
-        tuple(rows),
-        title=f"{group}: means",
-    )
 
 
 def ratio_table(comparison: Comparison, group: str) -> Table:
@@ -147,13 +142,3 @@ def _printed(printed: Mapping[str, str], corrected: Corrected) -> Cell:
     fits = corrected.contrast.algorithm == "fastslam"
     text = printed.get(corrected.contrast.column) if fits else None
     return None if text is None else float(text)
-
-
-def _thesis_mean(algorithm: str, group: str, column: str) -> float | None:
-    found = thesis_means(algorithm, map_name(group))
-    if found is None or column not in (*("total", "pose"), *COLUMNS[3:5]):
-        return None
-    counts = {"false_negatives": found.missed, "false_positives": found.false}
-    if column in counts:
-        return counts[column] * COUNT_WEIGHT_M
-    return found.total if column == "total" else found.pose

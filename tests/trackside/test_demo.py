@@ -8,8 +8,8 @@ import pytest
 from click.testing import CliRunner
 
 from dialogue import TracksideError
-from trackside import demo as module
 from trackside.demo import demo
+from trackside.shipped import example
 
 NUMBER = re.compile(r"\d+\.\d+")
 REPOSITORY = Path(__file__).parent.parent.parent
