@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-import importlib
 import json
 from collections.abc import Iterable, Mapping
 from functools import cache
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 
 from capture import TextFileError
@@ -38,12 +38,13 @@ def files_digest(files: Iterable[Path]) -> str:
 
 @cache
 def rooms_digest(rooms: tuple[str, ...]) -> str:
-    """Of the text of these rooms."""
+    """Of the text of these rooms, none of which is imported for it."""
     digest = hashlib.sha256()
     for room in rooms:
-        folder = Path(str(importlib.import_module(room).__file__)).parent
-        for file in sorted(folder.rglob("*.py")):
-            digest.update(file.read_bytes())
+        spec = find_spec(room)
+        for folder in (spec.submodule_search_locations if spec else None) or ():
+            for file in sorted(Path(folder).rglob("*.py")):
+                digest.update(file.read_bytes())
     return digest.hexdigest()
 
 

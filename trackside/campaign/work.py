@@ -118,7 +118,7 @@ def done_before(job: SessionJob) -> Done | None:
 
 def software_now() -> str:
     """What a worker must have in common with who sends it work."""
-    rooms = tuple(sorted({room for step in ROOMS for room in _rooms(step)}))
+    rooms = tuple(sorted({room for rooms in ROOMS.values() for room in rooms}))
     return f"{software()} ({rooms_digest(rooms)[:12]}), {told_libraries()}"
 
 
@@ -129,7 +129,7 @@ def key_of(job: SessionJob, task: Task, keys: Mapping[str, str]) -> str:
             "inputs": task.inputs,
             "needs": [keys[name] for name in task.needs] or _recording_digest(job.place.drive),
             "truth": _truth_digest(job.place.session) if task.step == "score" else "",
-            "code": rooms_digest(_rooms(task.step)),
+            "code": rooms_digest(ROOMS[task.step]),
             "software": [software(), told_libraries()],
         }
     )
@@ -141,7 +141,7 @@ def _tasks(place: Place, campaign: Campaign) -> Iterator[Task]:
     if drive.recorded is None:
         what = {
             **{"map": drive.map, "power": drive.power, "trial": drive.trial, "seed": drive.seed},
-            "shared": [rooms_digest(_rooms(step)) for step in SHARED],
+            "shared": [rooms_digest(ROOMS[step]) for step in SHARED],
         }
         yield Task("simulate", "simulate", (), what, place.folder / "car")
         yield Task("join", "join", ("simulate",), {}, session / "session.yaml")
@@ -253,10 +253,3 @@ def _truth_digest(session: Path) -> str:
     return files_digest(
         file for file in sorted(folder.glob("*")) if file.suffix in (".tum", ".csv")
     )
-
-
-def _rooms(step: str) -> tuple[str, ...]:
-    """The rooms of a step that this installation has."""
-    from importlib.util import find_spec
-
-    return tuple(room for room in ROOMS[step] if find_spec(room) is not None)

@@ -2,16 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import click
 import numpy as np
+import pytest
+from click.testing import CliRunner, Result
 
 from capture import GroundTruth, Observations, Odometry, Session, SessionInfo
 from dialogue import TracksideError
 from geometry import Floats, LandmarkMap, Trajectory, between, compose, wrap
+from trackside.campaign import steps, work
 from trackside.campaign.steps import Place, slam
 from trackside.campaign.steps import score as real_score
+
+TEXT = """\
+title: A test
+output: out
+simulate: {maps: [turn, loop], powers: [low, high], trials: 2, seed: 5}
+runs:
+  - {algorithm: ekf, preset: thesis, odometry: viso}
+  - {algorithm: fastslam, preset: thesis, odometry: viso, settings: {particles: 20}}
+  - {algorithm: ekf, preset: robust, odometry: wheel}
+resamples: 200
+"""
+SMALL = TEXT.replace("[turn, loop]", "[turn]").replace("trials: 2", "trials: 1")
+
+Campaign = Callable[..., Result]
 
 S = 1_000_000_000
 HZ = 10
@@ -77,6 +95,9 @@ STEPS = {
 }
 
 
+_REAL = {"STEPS": steps.STEPS, "SHARED": steps.SHARED}
+
+
 def notes(output: Path) -> list[str]:
     """`session: step` for every step that was really done."""
     return [
@@ -84,6 +105,28 @@ def notes(output: Path) -> list[str]:
         for file in sorted(output.parent.glob("notes/*"))
         for line in file.read_text().splitlines()
     ]
+
+
+def do_campaign(
+    patch: pytest.MonkeyPatch, folder: Path, text: str, *words: str, workers: int | None = 1
+) -> Result:
+    """Write a campaign file into a folder and do it there, with the steps of this module."""
+    from trackside.cli import trackside
+
+    for name, table in (("STEPS", STEPS), ("SHARED", SHARED)):
+        if getattr(work, name) is _REAL[name]:
+            patch.setattr(work, name, table)
+    patch.chdir(folder)
+    (folder / "test.yaml").write_text(text)
+    more = ["--workers", str(workers)] if workers else []
+    return CliRunner().invoke(trackside, ["campaign", "test.yaml", *more, *words])
+
+
+def steps_of(result: Result) -> Mapping[str, int]:
+    """How many steps a campaign says that it did, and that it knew."""
+    line = next(line for line in result.stdout.splitlines() if "steps done" in line)
+    words = line.replace(",", "").split()
+    return {"done": int(words[0]), "known": int(words[3])}
 
 
 def _note(place: Place, what: str) -> None:
