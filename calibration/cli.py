@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from calibration.length import grid_size, length
+from calibration.stereo.cli import stereo
 from dialogue import Cell, Table, UsageError
 from dialogue.options import format_option
 
@@ -49,6 +50,9 @@ FRESH_SHARE = 0.03
 @click.group("calibrate")
 def calibrate() -> None:
     """The overhead camera and its place; each makes a dated file with residuals and a verdict."""
+
+
+calibrate.add_command(stereo)
 
 
 @calibrate.command("camera")

@@ -1,7 +1,8 @@
-"""The calibrations of the overhead camera as files: dated, never overwritten, read back whole.
+"""The calibrations of the cameras as files: dated, never overwritten, read back whole.
 
-`camera_DATE.yaml` is the inside of a camera, `world_DATE.yaml` its place above the floor. Both say
-how they were made, how far off each measurement was, and whether they were accepted.
+`camera_DATE.yaml` is the inside of a camera, `world_DATE.yaml` its place above the floor,
+`stereo_DATE.yaml` the two eyes on the car. All say how they were made, how far off each measurement
+was, and whether they were accepted.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from capture.configuration import read_configuration
 from capture.errors import CalibrationFileError, ConfigurationError
 from capture.session_info import software
 from capture.yaml_file import plain, write_yaml
-from geometry import Camera, Floats, RingShape, View
+from geometry import Camera, Floats, Mounting, RingShape, StereoPair, View
 
 FORMAT = 1
 Rows: TypeAlias = tuple[tuple[float, ...], ...]
@@ -130,7 +131,68 @@ class WorldCalibration:
         return np.array(self.covariance)
 
 
-Calibration: TypeAlias = CameraCalibration | WorldCalibration
+@dataclass(frozen=True, kw_only=True)
+class StereoCalibration:
+    """The content of `stereo_DATE.yaml`: two eyes, and where the left one sits on the car.
+
+    rotation, translation_m : x_right = R x_left + t in a camera's axes (right, down, ahead).
+    rotation_sigma_rad, translation_sigma_m : standard deviations (3,); rms_px : of the board's
+    points; epipolar_rms_px : how far the two images of a point are from one row, rectified. These
+    are None where a factory did not tell them.
+    """
+
+    format: int = FORMAT
+    kind: Literal["stereo"] = "stereo"
+    made_utc: str
+    accepted: bool
+    reasons: tuple[str, ...] = ()
+    left: Camera
+    right: Camera
+    rotation: Rows
+    translation_m: tuple[float, ...]
+    mounting: Mounting = field(default_factory=Mounting)
+    rotation_sigma_rad: tuple[float, ...] | None = None
+    translation_sigma_m: tuple[float, ...] | None = None
+    rms_px: float | None = None
+    epipolar_rms_px: float | None = None
+    views: tuple[ViewResidual, ...] = ()
+    how: Mapping[str, object] = field(default_factory=dict)
+    software: str = field(default_factory=software)
+
+    def __post_init__(self) -> None:
+        _check_format(self.format)
+        _ = self.pair  # its own checks: a rotation, the right eye to the right
+
+    @classmethod
+    def of_pair(
+        cls,
+        pair: StereoPair,
+        mounting: Mounting,
+        *,
+        made_utc: str,
+        how: Mapping[str, object],
+    ) -> StereoCalibration:
+        """That of a pair which is known, and so accepted."""
+        return cls(
+            made_utc=made_utc,
+            accepted=True,
+            left=pair.left,
+            right=pair.right,
+            rotation=tuple(tuple(row) for row in pair.rotation.tolist()),
+            translation_m=tuple(pair.translation.tolist()),
+            mounting=mounting,
+            how=how,
+        )
+
+    @cached_property
+    def pair(self) -> StereoPair:
+        """The two eyes."""
+        return StereoPair(
+            self.left, self.right, np.array(self.rotation), np.array(self.translation_m)
+        )
+
+
+Calibration: TypeAlias = CameraCalibration | WorldCalibration | StereoCalibration
 _Kind = TypeVar("_Kind")
 
 
@@ -167,6 +229,11 @@ def read_world_calibration(place: Path) -> WorldCalibration:
     return _read(WorldCalibration, place, "world")
 
 
+def read_stereo_calibration(place: Path) -> StereoCalibration:
+    """The eyes of a file, or of the newest `stereo_*.yaml` of a folder."""
+    return _read(StereoCalibration, place, "stereo")
+
+
 def calibration_file(place: Path, kind: str) -> Path:
     """The file itself, or the newest of that kind in a folder; raises `CalibrationFileError`."""
     if place.is_file():
@@ -194,8 +261,12 @@ def _read(kind: type[_Kind], place: Path, name: str) -> _Kind:
         ) from err
 
 
-def _check(number: int, covariance: Rows, size: int) -> None:
+def _check_format(number: int) -> None:
     if number != FORMAT:
         raise ValueError(f"format {number} is not known; this trackside reads {FORMAT}")
+
+
+def _check(number: int, covariance: Rows, size: int) -> None:
+    _check_format(number)
     if len(covariance) != size or any(len(row) != size for row in covariance):
         raise ValueError(f"covariance must have {size} rows of {size} numbers")

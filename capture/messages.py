@@ -107,9 +107,13 @@ def header(t_ns: int, frame_id: str) -> Msg:
     return types["std_msgs/msg/Header"](stamp=stamp, frame_id=frame_id)
 
 
-def odometry_messages(odometry: Odometry) -> list[bytes]:
-    """One `nav_msgs/Odometry` per pose; covariances zero, that is unknown."""
-    zero = np.zeros(odometry.t_ns.size)
+def odometry_messages(
+    odometry: Odometry,
+    pose_covariance: Floats | None = None,
+    twist_covariance: Floats | None = None,
+) -> list[bytes]:
+    """One `nav_msgs/Odometry` per pose; covariances (n, 36), None for zero, that is unknown."""
+    zero, unknown = np.zeros(odometry.t_ns.size), np.zeros((odometry.t_ns.size, 36))
     seconds, nanoseconds = split_stamps(odometry.t_ns)
     pose = odometry.pose_odom_base
     return filled(
@@ -122,6 +126,8 @@ def odometry_messages(odometry: Odometry) -> list[bytes]:
             "orientation": yaw_quaternions(pose[:, 2]),
             "linear": np.stack([odometry.speed_m_s, zero, zero], axis=1),
             "angular": np.stack([zero, zero, odometry.yaw_rate_rad_s], axis=1),
+            "pose_covariance": unknown if pose_covariance is None else pose_covariance,
+            "twist_covariance": unknown if twist_covariance is None else twist_covariance,
         },
     )
 

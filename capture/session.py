@@ -19,9 +19,18 @@ from capture.result_files import (
     write_ground_truth,
 )
 from capture.session_info import FILE_NAME, SessionInfo, read_session_info
-from capture.streams import Drive, Imu, Observations, Odometry, Scans, VescState
+from capture.streams import (
+    Drive,
+    Imu,
+    Observations,
+    Odometry,
+    Scans,
+    UncertainOdometry,
+    VescState,
+)
 from capture.topics import (
     DRIVE_TOPIC,
+    IMAGE_LOGS,
     IMU_TOPIC,
     LOG_NAME,
     ODOMETRY_SUFFIX,
@@ -33,6 +42,8 @@ from capture.topics import (
     RANGE_BEARING_TOPIC,
     SCAN_TOPIC,
     VESC_STATE_TOPIC,
+    ZED_LOG_NAME,
+    ZED_TOPIC,
     odometry_source,
     odometry_topic,
 )
@@ -112,13 +123,14 @@ class Session:
     @property
     def odometry_sources(self) -> tuple[str, ...]:
         """Names of the odometry streams, preferred ones first."""
-        found = [
+        found = {
             odometry_source(topic.name)
-            for topic in self.topics
+            for log in self._odometry_logs
+            for topic in log.topics.values()
             if topic.type_name == ODOMETRY_TYPE
             and topic.name.endswith(ODOMETRY_SUFFIX)
             and topic.count
-        ]
+        }
         return tuple(sorted(found, key=_preference))
 
     def odometry(self, source: str | None = None) -> Odometry:
@@ -128,7 +140,9 @@ class Session:
         if source is None:
             sources = self.odometry_sources
             source = sources[0] if sources else "wheel"
-        raw = self._raw("odometry", odometry_topic(source))
+        topic = odometry_topic(source)
+        holds = [log for log in self._odometry_logs if topic in log.topics]
+        raw = self._raw("odometry", topic, holds[0] if holds else self.log)
         return odometry_columns(raw, source)
 
     @property
@@ -200,6 +214,41 @@ class Session:
             )
         return logged_images(self.film, OVERHEAD_TOPIC)
 
+    @cached_property
+    def stereo_film(self) -> McapLog | None:
+        """The log of the car's stereo camera, None for a session without one."""
+        from capture.log_reader import McapLog
+
+        file = self.folder / ZED_LOG_NAME
+        return McapLog(file) if file.exists() else None
+
+    @property
+    def stereo_count(self) -> int:
+        """How many pairs of pictures the stereo camera took."""
+        topic = self.stereo_film.topics.get(ZED_TOPIC) if self.stereo_film else None
+        return topic.count if topic else 0
+
+    def stereo_images(self) -> Iterator[LoggedImage]:
+        """The pictures of the stereo camera, both eyes side by side, in the order of the log."""
+        from capture.images import logged_images
+
+        if self.stereo_film is None or not self.stereo_count:
+            raise MissingStreamError(
+                f"{self.folder}: has no pictures of the stereo camera ({ZED_LOG_NAME}, topic "
+                f"{ZED_TOPIC}); record them with a rig that has a zed (trackside devices)"
+            )
+        return logged_images(self.stereo_film, ZED_TOPIC)
+
+    def add_odometry(self, told: UncertainOdometry, *, replace: bool = False) -> Path:
+        """Put a source's odometry into a log of its own, `SOURCE.mcap`; its path.
+
+        Raises `SessionError` if the session has that source and `replace` is not set, or another
+        log has it.
+        """
+        from capture.added_odometry import add_odometry
+
+        return add_odometry(self, told, replace=replace)
+
     def motor_calibration(self) -> VescCalibration | None:
         """What ties the motor controller's numbers to the car, as it was in force; None if unknown.
 
@@ -260,8 +309,9 @@ class Session:
 
     @property
     def deciding_files(self) -> tuple[Path, ...]:
-        """The files that decide what can be made of the session: its log and its truth."""
-        files = (self.folder / LOG_NAME, *sorted(self._truth_folder.glob("*")))
+        """The files that decide what can be made of the session: its logs and its truth."""
+        logs = sorted(log.file for log in self._odometry_logs)
+        files = (*logs, *sorted(self._truth_folder.glob("*")))
         return tuple(file for file in files if file.is_file())
 
     @property
@@ -279,12 +329,19 @@ class Session:
     def _truth_folder(self) -> Path:
         return self.folder / "ground_truth"
 
+    @property
+    def _odometry_logs(self) -> tuple[McapLog, ...]:
+        """The car's log, and those that were made of pictures later."""
+        added = [log for log in self.logs if log.file.name not in {LOG_NAME, *IMAGE_LOGS}]
+        return (self.log, *added) if self.log else tuple(added)
+
     def _has(self, topic: str) -> bool:
         return any(held.name == topic and held.count for held in self.topics)
 
-    def _raw(self, what: str, topic: str) -> RawMessages:
-        """The messages of a topic, of which there is at least one."""
-        raw = self.log.read(topic) if self.log else None
+    def _raw(self, what: str, topic: str, log: McapLog | None = None) -> RawMessages:
+        """The messages of a topic, of which there is at least one; of the car's log if not told."""
+        log = log or self.log
+        raw = log.read(topic) if log else None
         if raw is None or not raw.messages:
             has = ", ".join(f"{t.name} ({t.count})" for t in self.topics) or "no log at all"
             raise MissingStreamError(

@@ -11,6 +11,7 @@ import numpy as np
 
 from capture.errors import SessionError
 from capture.estimate import Estimate, GroundTruth
+from capture.log_reader import McapLog
 from capture.log_writer import LogWriter, WrittenTopic
 from capture.messages import observation_messages, odometry_messages
 from capture.number_rows import read_text
@@ -164,6 +165,15 @@ def write_rosbag_metadata(folder: Path, logs: Mapping[str, Sequence[WrittenTopic
         "ros_distro": "humble",
     }
     write_yaml(folder / "metadata.yaml", {"rosbag2_bagfile_information": bag})
+
+
+def written_topics(log: McapLog) -> list[WrittenTopic]:
+    """What a log holds, as `write_rosbag_metadata` takes it."""
+    return [
+        WrittenTopic(topic.name, topic.type_name, 0, topic.count, topic.first_ns, topic.last_ns)
+        for topic in log.topics.values()
+        if topic.count
+    ]
 
 
 def _extent(topics: Sequence[WrittenTopic]) -> dict[str, object]:

@@ -33,6 +33,19 @@ class Odometry:
 
 
 @dataclass(frozen=True, eq=False)
+class UncertainOdometry:
+    """Odometry and how well it is known.
+
+    pose_covariance : (n, 3, 3) of x, y, heading in the frame the source began in;
+    twist_covariance : (n, 3, 3) of the speeds ahead and to the left, and the turn rate.
+    """
+
+    odometry: Odometry
+    pose_covariance: Floats
+    twist_covariance: Floats
+
+
+@dataclass(frozen=True, eq=False)
 class Scans:
     """Lidar revolutions, beams in one row of columns.
 

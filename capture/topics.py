@@ -5,6 +5,8 @@ from __future__ import annotations
 LOG_NAME = "car.mcap"
 OVERHEAD_LOG_NAME = "overhead.mcap"
 ZED_LOG_NAME = "zed.mcap"
+IMAGE_LOGS = frozenset({OVERHEAD_LOG_NAME, ZED_LOG_NAME})
+"""Logs whose messages are compressed already, and take long to read through."""
 
 ODOMETRY_TYPE = "nav_msgs/msg/Odometry"
 SCAN_TYPE = "sensor_msgs/msg/LaserScan"

@@ -26,6 +26,7 @@ from geometry.homography import (
 from geometry.landmarks import LandmarkMap
 from geometry.se2 import between, compose, inverse, rotate_covariance, transform_points
 from geometry.space_path import SpacePath
+from geometry.stereo import Mounting, StereoPair
 from geometry.trajectory import Stamps, Trajectory
 from geometry.uncertainty import (
     INTRINSICS,
@@ -44,10 +45,12 @@ __all__ = [
     "GeometryError",
     "LandmarkMap",
     "LandmarkMapError",
+    "Mounting",
     "PoseFit",
     "RingShape",
     "SpacePath",
     "Stamps",
+    "StereoPair",
     "Trajectory",
     "TrajectoryError",
     "View",

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geometry import Floats, RingShape, View, at_height, transform_points
-from simulation.light import Grey, Light, even_light
+from simulation.light import Grey, Light
 from simulation.marker_patch import Ring, render_ring
 from simulation.surroundings import Levels, plain_floor
 
@@ -124,15 +124,7 @@ class OverheadScene:
         standard deviation in grey levels. gain : exposure, values above 255 are clipped.
         occluders : polygons (k, 2) in pixels and their grey, in front of everything.
         """
-        picture = self._still.copy()
-        if body is not None:
-            _fill(picture, self.view.project(body), self.levels.car)
-        picture = self._with_rings(picture, moving)
-        for polygon, grey in occluders:
-            _fill(picture, polygon, grey)
-        lit = (light or even_light()).on(picture)
-        if gain != 1.0:
-            lit *= np.float32(gain)
+        lit = self.light_of(moving=moving, body=body, light=light, gain=gain, occluders=occluders)
         if noise > 0.0:
             lit += np.float32(noise) * rng.standard_normal(lit.shape, np.float32)
         image = np.clip(np.rint(lit), 0.0, 255.0).astype(np.uint8)
@@ -140,6 +132,27 @@ class OverheadScene:
             image = _through_jpeg(image, jpeg_quality)
         xyz = np.array([ring.xyz_m for ring in (*self.rings, *moving)]).reshape(-1, 3)
         return Frame(image, self.view.project(xyz), xyz)
+
+    def light_of(
+        self,
+        *,
+        moving: Sequence[Ring] = (),
+        body: Floats | None = None,
+        light: Light | None = None,
+        gain: float = 1.0,
+        occluders: Sequence[tuple[Floats, float]] = (),
+    ) -> Grey:
+        """What `frame` shows before noise, rounding and clipping: (h, w), a new array."""
+        picture = self._still.copy()
+        if body is not None:
+            _fill(picture, self.view.project(body), self.levels.car)
+        picture = self._with_rings(picture, moving)
+        for polygon, grey in occluders:
+            _fill(picture, polygon, grey)
+        lit = picture if light is None else light.on(picture)
+        if gain != 1.0:
+            lit *= np.float32(gain)
+        return lit
 
     def _with_rings(self, picture: Grey, rings: Sequence[Ring]) -> Grey:
         """The picture with rings laid on it in place, lower ones first."""

@@ -16,6 +16,7 @@ from dialogue import TracksideError, UsageError, nearest_names
 
 COMMANDS = {
     "demo": ("trackside.demo:demo", "The whole road without hardware, in a minute."),
+    "simulate": ("trackside.virtual.cli:simulate", "A run on the virtual track, from one seed."),
     "doctor": ("trackside.doctor:doctor", "What would spoil a recording here, and what to do."),
     "devices": ("trackside.devices:devices", "What is plugged in, who answered; writes a rig."),
     "calibrate": ("calibration.cli:calibrate", "The camera and its place above the floor."),
@@ -27,6 +28,7 @@ COMMANDS = {
     "import": ("capture.cli:import_group", "Make a session of a data set, a bag or TUM files."),
     "info": ("capture.cli:info", "What a session holds."),
     "track": ("tracking.cli:track", "Frames of the overhead camera to ground truth."),
+    "vo": ("visual_odometry.cli:vo", "Stereo pictures of the car to odometry."),
     "slam": ("slam.cli:slam", "Estimate path and landmark map of a session."),
     "slam tune": ("trackside.tuning.cli:tune", "Search the parameters of SLAM that score best."),
     "score": ("scoring.cli:score", "Score path and map against the truth."),

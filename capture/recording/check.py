@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from capture.configuration import configuration_from_mapping
 from capture.errors import SessionError
 from capture.recording.facts import RecordingFacts, RecordingWatch
-from capture.recording.recorder import SELF, STREAMS_KEY
+from capture.recording.ledger import SELF, STREAMS_KEY
 from capture.recording.status import losses_from, remarks_of
 from capture.recording.verdict import Verdict, judged
 from capture.sensor_messages import diagnostics_of

@@ -8,55 +8,26 @@ import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 from capture.clock import UtcLine, read_clock_pair
-from capture.errors import CaptureError
 from capture.recording.facts import RecordingFacts
 from capture.recording.folder import held
 from capture.recording.inbox import Inbox
-from capture.recording.scribe import Diagnosis, Item, Scribe
-from capture.recording.status import Health, StreamStatus, remarks_of
-from capture.recording.still import StillPeriod
-from capture.recording.translation import Translator
+from capture.recording.ledger import SELF, Ledger, RecordingError
+from capture.recording.scribe import Item
+from capture.recording.status import StreamStatus
+from capture.recording.stream import Stream
 from capture.recording.verdict import Verdict, judged
-from capture.sensor_messages import OK
-from capture.session_info import SessionInfo, write_session_info
-from capture.session_writer import write_rosbag_metadata
+from capture.session_info import SessionInfo
 from drivers import Device, DeviceReader, DriverError
 
 DIAGNOSIS_S = 1.0
 READY_S = 10.0
 """So long a device may take to its first message: a lidar must spin up."""
-STREAMS_KEY = "streams"
-"""Where `session.yaml` keeps what was asked of each device, within `configuration`."""
-SELF = "recorder"
-"""The recorder's own name in the inbox and in the diagnostics."""
-
-
-class RecordingError(CaptureError):
-    """A recording that cannot begin, or had to end."""
-
-
-@dataclass(frozen=True)
-class Stream:
-    """A device to record: how it becomes messages, what is asked of it.
-
-    asked_hz : messages per second on the translator's topic, None for what the device says of
-    itself (`rate_hz` of its identity), if it does; waiting : how many of its readings may wait for
-    the disk; still : of an IMU, begins with the recording; is_finished : of footage, whether its
-    last frame was given, which ends the recording.
-    """
-
-    device: Device[Any]
-    translator: Translator[Any]
-    asked_hz: float | None = None
-    waiting: int = 4000
-    still: StillPeriod | None = None
-    is_finished: Callable[[], bool] = lambda: False
 
 
 @dataclass(frozen=True)
@@ -96,22 +67,27 @@ class Recorder:
         limits: Limits = Limits(),
         clocks: Clocks = Clocks(),
     ) -> None:
-        self.folder, self.info = folder, info
-        self._streams, self._utc, self._limits, self._clocks = dict(streams), utc, limits, clocks
-        translators = {name: stream.translator for name, stream in streams.items()}
-        self._scribe = Scribe(folder, translators, utc)
+        self.folder = folder
+        self._limits, self._clocks = limits, clocks
+        self._ledger = Ledger(folder, info, streams, utc)
         bounds = {name: stream.waiting for name, stream in streams.items()}
         self._inbox: Inbox[Item] = Inbox({**bounds, SELF: 60})
         self._readers = {name: self._reader(name, s.device) for name, s in streams.items()}
         self._writer = threading.Thread(target=self._write_on, name="scribe", daemon=True)
         self._held = ExitStack()
         self._fault: Exception | None = None
-        self._health = Health(self._streams)
-        self._diagnosed_ns = 0
-        self._step_ns = self._free_bytes = 0
-        self._connected_ns = self.started_ns = 0
+        self._diagnosed_ns = self._connected_ns = 0
         self.is_ready = False
-        self.ended_because = ""
+
+    @property
+    def info(self) -> SessionInfo:
+        """What `session.yaml` says by now."""
+        return self._ledger.info
+
+    @property
+    def ended_because(self) -> str:
+        """Why the recording must end, or ended; empty where a person wished it."""
+        return self._ledger.own.ended_because
 
     def __enter__(self) -> Recorder:
         with ExitStack() as undo:
@@ -123,20 +99,9 @@ class Recorder:
         return self
 
     def _begin(self) -> None:
-        identities = {name: dict(s.device.identify()) for name, s in self._streams.items()}
-        for name, identity in identities.items():
-            rate_hz = identity.get("rate_hz")
-            if self._streams[name].asked_hz is None and isinstance(rate_hz, (int, float)):
-                self._streams[name] = replace(self._streams[name], asked_hz=float(rate_hz))
-        asked = {
-            name: {"topic": s.translator.topic, "asked_hz": s.asked_hz}
-            for name, s in self._streams.items()
-        }
-        configuration = {**self.info.configuration, STREAMS_KEY: asked}
-        self.info = replace(self.info, devices=identities, configuration=configuration)
-        write_session_info(self.folder, self.info)
+        self._ledger.begin()
         self._connected_ns = self._diagnosed_ns = self._clocks.monotonic_ns()
-        self._start(self._connected_ns)
+        self._ledger.start(self._connected_ns)
         self._writer.start()
 
     def __exit__(
@@ -147,17 +112,17 @@ class Recorder:
     ) -> None:
         stopped_ns = self._clocks.monotonic_ns()
         if isinstance(error, Exception) and not self.ended_because:
-            self.ended_because = f"of an error ({type(error).__name__})"
+            self._ledger.own.ended_because = f"of an error ({type(error).__name__})"
         with self._held:  # which stops the devices, once more, and lets go of the folder
             self._stop_devices()
             self._inbox.close()
             self._writer.join()
             self._end_logs(stopped_ns)
 
-    def _start(self, now_ns: int) -> None:
-        """Let the recording count from now."""
-        self.started_ns = now_ns
-        self._scribe.watch.start_ns = self._utc.utc(now_ns)
+    @property
+    def started_ns(self) -> int:
+        """Since when the recording counts (monotonic)."""
+        return self._ledger.own.started_ns
 
     @property
     def elapsed_s(self) -> float:
@@ -167,7 +132,7 @@ class Recorder:
     def is_over(self) -> bool:
         """Whether its time is over, or it must end (`ended_because` then says why)."""
         limit_s = self._limits.seconds
-        if self.ended_because or any(s.is_finished() for s in self._streams.values()):
+        if self.ended_because or any(s.is_finished() for s in self._ledger.streams.values()):
             return True
         return limit_s is not None and self.elapsed_s >= limit_s
 
@@ -187,16 +152,16 @@ class Recorder:
         if not self.is_ready:
             late = now_ns - self._connected_ns >= READY_S * 1e9
             self.is_ready = late or all(status.messages for status in statuses)
-            self._start(now_ns)
-            for stream in self._streams.values():
+            self._ledger.start(now_ns)
+            for stream in self._ledger.streams.values():
                 if self.is_ready and stream.still is not None:
                     stream.still.begin(now_ns, self._limits.still_s)
         if now_ns - self._diagnosed_ns >= DIAGNOSIS_S * 1e9:
             self._diagnosed_ns = now_ns
             self._look_around()
-            self._inbox.put(SELF, self._diagnosis(now_ns, statuses))
+            self._inbox.put(SELF, self._ledger.diagnosis(now_ns, statuses))
         if self._fault is not None:
-            self.ended_because = f"writing failed: {self._fault}"
+            self._ledger.own.ended_because = f"writing failed: {self._fault}"
         return statuses
 
     def headline(self) -> str:
@@ -207,19 +172,7 @@ class Recorder:
 
     def facts(self) -> RecordingFacts:
         """What is known of the recording until now."""
-        streams = tuple(
-            self._scribe.watch.facts(
-                name, s.translator.topic, s.asked_hz, self._health.losses(name, self._scribe)
-            )
-            for name, s in sorted(self._streams.items())
-        )
-        return RecordingFacts(
-            streams,
-            self._scribe.watch.duration_s,
-            utc_step_s=self._step_ns * 1e-9,
-            ended_because=self.ended_because,
-            remarks=remarks_of({n: s.translator.state() for n, s in self._streams.items()}),
-        )
+        return self._ledger.facts()
 
     def verdict(self) -> Verdict:
         """Whether what was recorded until now is any good."""
@@ -240,48 +193,37 @@ class Recorder:
 
         def tried(name: str) -> DriverError | None:
             try:
-                self._streams[name].device.connect()
+                self._ledger.streams[name].device.connect()
             except DriverError as err:
                 return err
             self._readers[name].start()
             return None
 
-        with ThreadPoolExecutor(max(len(self._streams), 1)) as pool:
-            errors = list(pool.map(tried, self._streams))
-        faults = [f"{name}: {err}" for name, err in zip(self._streams, errors, strict=True) if err]
+        with ThreadPoolExecutor(max(len(self._readers), 1)) as pool:
+            errors = list(pool.map(tried, self._readers))
+        faults = [f"{name}: {err}" for name, err in zip(self._readers, errors, strict=True) if err]
         if faults:
             raise RecordingError("\n".join(["cannot record:", *faults]))
 
     def _write_on(self) -> None:
         try:
             while (got := self._inbox.get()) is not None:
-                self._scribe.take(*got)
+                self._ledger.scribe.take(*got)
         except Exception as err:
             self._fault = err
 
     def _statuses(self, now_ns: int) -> tuple[StreamStatus, ...]:
-        refused = self._inbox.refused
-        return self._health.now(now_ns, self._scribe, refused, self._utc, ready=self.is_ready)
+        return self._ledger.statuses(now_ns, self._inbox.refused, ready=self.is_ready)
 
     def _look_around(self) -> None:
         """Note whether the clock was set, and whether the disk has room left."""
+        own = self._ledger.own
         pair = read_clock_pair(self._clocks.monotonic_ns, self._clocks.utc_ns)
-        self._step_ns = max(self._step_ns, self._utc.step_ns(pair), key=abs)
-        self._free_bytes = self._clocks.free_bytes(self.folder)
-        if self._free_bytes < self._limits.disk_reserve_bytes and not self.ended_because:
-            self.ended_because = f"the disk is full: {self._free_bytes / 1e6:.0f} MB left"
-
-    def _diagnosis(self, now_ns: int, statuses: tuple[StreamStatus, ...]) -> Diagnosis:
-        own = {
-            "started_ns": self._utc.utc(self.started_ns),
-            "ended_because": self.ended_because,
-            "utc_step_ns": self._step_ns,
-            "disk_free_bytes": self._free_bytes,
-            "most_waiting": self.most_waiting,
-        }
-        return Diagnosis(
-            now_ns, [*(status.diagnosis() for status in statuses), (SELF, OK, "", own)]
-        )
+        own.utc_step_ns = max(own.utc_step_ns, self._ledger.utc.step_ns(pair), key=abs)
+        own.disk_free_bytes = self._clocks.free_bytes(self.folder)
+        own.most_waiting = self.most_waiting
+        if own.disk_free_bytes < self._limits.disk_reserve_bytes and not own.ended_because:
+            own.ended_because = f"the disk is full: {own.disk_free_bytes / 1e6:.0f} MB left"
 
     def _stop_devices(self) -> None:
         for reader in self._readers.values():
@@ -291,22 +233,9 @@ class Recorder:
 
     def _end_logs(self, stopped_ns: int) -> None:
         """The last diagnosis, the ends of the logs, and what is known of the recording."""
-        try:
-            if self._fault is not None:
-                raise self._fault
-            self._scribe.take(SELF, self._diagnosis(stopped_ns, self._statuses(stopped_ns)))
-            write_rosbag_metadata(self.folder, self._scribe.finish())
-        except Exception as err:
-            self._scribe.abandon(err)
-            raise RecordingError(
-                f"{err}\nwhat was written until then is kept: trackside recover {self.folder}"
-            ) from err
-        verdict = self.verdict()
+        if self._fault is not None:
+            self._ledger.abandon(self._fault)
+        self._ledger.own.most_waiting = self.most_waiting
+        last = self._ledger.diagnosis(stopped_ns, self._statuses(stopped_ns))
         ended = read_clock_pair(self._clocks.monotonic_ns, self._clocks.utc_ns)
-        self.info = replace(
-            self.info,
-            clocks=(*self.info.clocks, ended),
-            verdict=verdict.verdict,
-            verdict_reason=verdict.text,
-        )
-        write_session_info(self.folder, self.info)
+        self._ledger.finish(last, ended)

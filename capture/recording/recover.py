@@ -8,14 +8,14 @@ from pathlib import Path
 
 from capture.errors import LogError
 from capture.log_reader import McapLog
-from capture.log_writer import LogWriter, WrittenTopic
+from capture.log_writer import LogWriter
 from capture.recording.check import checked
 from capture.recording.folder import held
-from capture.recording.scribe import IMAGE_LOGS
 from capture.recording.verdict import Verdict
 from capture.session import Session
 from capture.session_info import write_session_info
-from capture.session_writer import write_rosbag_metadata
+from capture.session_writer import write_rosbag_metadata, written_topics
+from capture.topics import IMAGE_LOGS
 from capture.transaction import writing_error
 
 UNFINISHED = ".unfinished"
@@ -49,7 +49,7 @@ def recover(folder: Path) -> tuple[tuple[RecoveredLog, ...], Verdict]:
         whole = Session.open(folder)
         recovered = bool(broken) or any(folder.glob(f"*{UNFINISHED}"))
         _, verdict = checked(whole, recovered=recovered)
-        written = {log.file.name: _written(log) for log in whole.logs}
+        written = {log.file.name: written_topics(log) for log in whole.logs}
         if any(written.values()):
             write_rosbag_metadata(folder, written)
         if broken or whole.info.verdict is None:
@@ -98,11 +98,3 @@ def _also_named(file: Path, name: Path) -> None:
         os.link(file, name)
     except OSError:  # a card formatted as FAT has no links
         file.rename(name)
-
-
-def _written(log: McapLog) -> list[WrittenTopic]:
-    return [
-        WrittenTopic(topic.name, topic.type_name, 0, topic.count, topic.first_ns, topic.last_ns)
-        for topic in log.topics.values()
-        if topic.count
-    ]

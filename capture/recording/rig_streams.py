@@ -8,9 +8,9 @@ from capture.clock import UtcLine
 from capture.recording.camera import CameraTranslator
 from capture.recording.imu import ImuTranslator
 from capture.recording.lidar import LidarTranslator
-from capture.recording.recorder import Stream
 from capture.recording.rig import Rig
 from capture.recording.still import StillPeriod
+from capture.recording.stream import Stream
 from capture.recording.vesc import VescTranslator
 from capture.topics import OVERHEAD_LOG_NAME, OVERHEAD_TOPIC, ZED_LOG_NAME, ZED_TOPIC
 from drivers import Device

@@ -16,14 +16,10 @@ from capture.sensor_messages import Status, diagnostics_message
 from capture.topics import (
     DIAGNOSTICS_TOPIC,
     DIAGNOSTICS_TYPE,
+    IMAGE_LOGS,
     LOG_NAME,
-    OVERHEAD_LOG_NAME,
-    ZED_LOG_NAME,
 )
 from drivers import DeviceBack, DeviceLost, Reading
-
-IMAGE_LOGS = frozenset({OVERHEAD_LOG_NAME, ZED_LOG_NAME})
-"""Logs whose messages are compressed already."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +45,7 @@ class Scribe:
         translators: Mapping[str, Translator[Any]],
         utc: UtcLine,
         *,
-        sync_period_s: float = 1.0,
+        sync_period_s: float | None = 1.0,
     ) -> None:
         self.watch = RecordingWatch(utc.utc_ns)
         self.losses = dict.fromkeys(translators, Losses())
@@ -96,8 +92,9 @@ class Scribe:
         log = self._log(self._main_log())
         log.write(DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, data, log_t_ns=t_ns, stamp_ns=t_ns)
         self.watch.note(DIAGNOSTICS_TOPIC, t_ns)
-        for other in self.logs.values():
-            other.sync()
+        if self._sync_period_s is not None:
+            for other in self.logs.values():
+                other.sync()
 
     def _note(self, device: str, event: DeviceLost | DeviceBack) -> None:
         known = self.losses[device]

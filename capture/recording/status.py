@@ -78,7 +78,7 @@ def remarks_of(states: Mapping[str, Mapping[str, object]]) -> tuple[str, ...]:
 
 
 class Watched(Protocol):
-    """What is needed of a stream to watch it (`capture.recording.recorder.Stream`)."""
+    """What is needed of a stream to watch it (`capture.recording.stream.Stream`)."""
 
     @property
     def device(self) -> Device[Any]:

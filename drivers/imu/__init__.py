@@ -6,7 +6,7 @@ gyro reads at rest. Nothing here corrects a measurement: raw data stays raw.
 """
 
 from drivers.imu.bias import StillBias, still_bias
-from drivers.imu.sample import ImuSample, Motion, Source, Vector, at_rest
+from drivers.imu.sample import ImuSample, Motion, Source, Vector, at_rest, vector
 
 __all__ = [
     "ImuSample",
@@ -16,4 +16,5 @@ __all__ = [
     "Vector",
     "at_rest",
     "still_bias",
+    "vector",
 ]

@@ -25,7 +25,8 @@ from capture.clock import UtcLine, read_clock_pair
 from capture.recording.camera import CameraTranslator
 from capture.recording.imu import ImuTranslator
 from capture.recording.lidar import LidarTranslator
-from capture.recording.recorder import Limits, Recorder, Stream
+from capture.recording.recorder import Limits, Recorder
+from capture.recording.stream import Stream
 from capture.recording.verdict import Verdict
 from capture.recording.vesc import VescTranslator
 from capture.session_info import SessionInfo

@@ -19,7 +19,7 @@ from full_rig import (
 from capture.clock import UtcLine
 from capture.messages import typestore
 from capture.point_cloud import point_cloud_columns
-from capture.recording.recorder import SELF
+from capture.recording.ledger import SELF
 from capture.sensor_messages import diagnostics_of, raw_bytes
 from capture.session import Session
 from capture.topics import (

@@ -11,7 +11,8 @@ from toy_devices import UTC_0, S, ToyClocks, ToyDevice, toy_streams
 from capture.errors import LogError, SessionError
 from capture.log_writer import LogWriter
 from capture.recording.check import checked
-from capture.recording.recorder import Limits, Recorder, RecordingError
+from capture.recording.ledger import RecordingError
+from capture.recording.recorder import Limits, Recorder
 from capture.recording.recover import recover
 from capture.session import Session
 from capture.session_info import ClockPair, SessionInfo
@@ -34,7 +35,7 @@ def until_written(recording: Recorder, topics: int, messages: int, *, ready: boo
     end_s = time.monotonic() + 20.0
     while time.monotonic() < end_s:
         recording.poll()
-        counts = [w.messages for w in list(recording._scribe.watch.streams.values())]
+        counts = [w.messages for w in list(recording._ledger.scribe.watch.streams.values())]
         enough = sum(count >= messages for count in counts) >= topics
         if enough and (recording.is_ready or not ready):
             return

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from capture.clock import UtcLine
-from capture.recording.recorder import Clocks, Stream
+from capture.recording.recorder import Clocks
+from capture.recording.stream import Stream
 from capture.recording.translation import LogMessage, raw_messages
 from capture.sensor_messages import imu_message
 from capture.topics import IMU_TYPE, LOG_NAME

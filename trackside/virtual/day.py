@@ -1,0 +1,165 @@
+"""One run of a virtual track day as a folder: the car's recording, the film, the exact truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol, cast
+
+from capture import (
+    Session,
+    SessionInfo,
+    calibration_file,
+    new_folder,
+    write_yaml,
+)
+from capture.result_files import write_ground_truth
+from capture.yaml_file import plain
+from dialogue import TracksideError
+from simulation.overhead_film import hung_view
+from simulation.real_time import real_time_clock, record_car_in_real_time
+from simulation.recordings import (
+    CarClock,
+    exact_truth,
+    record_car,
+    record_film,
+)
+from simulation.world import World, world
+from tracking.scene import CarRings, ConeRings, Scene
+from trackside.virtual.morning import BOARD_VIEWS, FLOOR_PICTURES, calibrated_site
+
+COMMANDED = ("figures",)
+"""Maps that are driven through the motor controller, so that its steering is on record."""
+CAR, FILM, TRUTH, CALIBRATION, SCENE = "car", "film", "truth", "calibration", "scene.yaml"
+
+
+class Steps(Protocol):
+    """Shows the work: a label and how many steps it has; the context counts them."""
+
+    def __call__(self, label: str, total: int) -> AbstractContextManager[Callable[[int], None]]:
+        """A context that gives the function which is told how many steps were done."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunPlan:
+    """What to drive and what to keep of it.
+
+    site : a folder with calibrations made before, None: the camera is calibrated anew; filmed :
+    without a film the exact truth becomes the ground truth of the car's session; realtime : the
+    car's devices live at real pace behind pseudo-terminals, else in simulated time.
+    """
+
+    map: str
+    power: str
+    seed: int
+    trial: int | None = None
+    site: Path | None = None
+    filmed: bool = True
+    realtime: bool = False
+
+
+def simulate_run(folder: Path, plan: RunPlan, steps: Steps) -> None:
+    """Make `folder` with `car/`, `film/`, `truth/`, `calibration/` and `scene.yaml`, or nothing.
+
+    Raises `SessionError` where it exists, `UsageError` for a map or power that is none.
+    """
+    made = world(plan.map, plan.power, plan.seed)
+    with new_folder(folder) as partial:
+        for name in (CAR, *([FILM] if plan.filmed else [])):
+            (partial / name).mkdir()
+        clock = _car(partial / CAR, made, plan, steps)
+        truth = exact_truth(made, clock)
+        write_ground_truth(partial / TRUTH, truth)
+        if not plan.filmed:
+            Session.open(partial / CAR).write_ground_truth(truth)
+            return
+        _calibrations(partial / CALIBRATION, plan.site, steps)
+        write_yaml(partial / SCENE, cast("dict[str, object]", plain(scene_of(made))))
+        _film(partial, made, plan, clock, steps)
+
+
+def simulate_site(folder: Path, steps: Steps) -> None:
+    """Make `folder` with the calibrations of the site, for the `site` of runs."""
+    with new_folder(folder) as partial:
+        _calibrations(partial, None, steps)
+
+
+def scene_of(made: World) -> Scene:
+    """What a person measures with a ruler: rings on the car as it is drawn, and on the cones."""
+    rings = made.drawn.rings
+    return Scene(
+        car=CarRings(front_x_m=rings.front_x_m, rear_x_m=rings.rear_x_m, height_m=rings.height_m),
+        cones=ConeRings(height_m=made.room.cone.top_m),
+    )
+
+
+def _calibrations(folder: Path, site: Path | None, steps: Steps) -> None:
+    folder.mkdir(exist_ok=True)
+    if site is None:
+        with steps("calibrating the camera", BOARD_VIEWS + FLOOR_PICTURES) as advance:
+            calibrated_site(folder, hung_view(), advance)
+        return
+    for kind in ("camera", "world"):
+        calibration_file(site, kind)  # which tells what is missing
+    for file in sorted(site.glob("*.yaml")):
+        (folder / file.name).write_bytes(file.read_bytes())
+
+
+def _car(folder: Path, made: World, plan: RunPlan, steps: Steps) -> CarClock:
+    commanded, seconds = plan.map in COMMANDED, made.drive.end_ns // 1_000_000_000
+    with steps("recording the car", seconds) as advance:
+        clock = real_time_clock() if plan.realtime else CarClock()
+        record = record_car_in_real_time if plan.realtime else record_car
+        info = record(
+            made, folder, trial=plan.trial, commanded=commanded, clock=clock, advance=whole(advance)
+        )
+    _refuse_bad(info, CAR, plan)
+    return clock
+
+
+def _film(partial: Path, made: World, plan: RunPlan, clock: CarClock, steps: Steps) -> None:
+    seconds = made.drive.end_ns // 1_000_000_000 + 1
+    with steps("filming", seconds) as advance:
+        told = record_film(
+            made,
+            hung_view(),
+            partial / FILM,
+            trial=plan.trial,
+            car=clock,
+            advance=whole(advance),
+        )
+    _refuse_bad(told, FILM, plan)
+    session = Session.open(partial / FILM)
+    for file in _calibration_files(partial / CALIBRATION, ("camera", "world")):
+        session.copy_calibration(file)
+
+
+def _calibration_files(folder: Path, kinds: Sequence[str]) -> list[Path]:
+    return [calibration_file(folder, kind) for kind in kinds]
+
+
+def whole(advance: Callable[[int], None]) -> Callable[[float], None]:
+    """What takes parts of steps and hands on whole ones."""
+    done = 0.0
+
+    def take(part: float) -> None:
+        nonlocal done
+        before, done = int(done), done + part
+        if int(done) > before:
+            advance(int(done) - before)
+
+    return take
+
+
+def _refuse_bad(told: SessionInfo, name: str, plan: RunPlan) -> None:
+    if told.verdict == "good":
+        return
+    if plan.realtime:
+        advice = "this machine was too busy to record at real pace; leave out --realtime"
+    else:
+        advice = "a fault of trackside; please report it with map, power and seed"
+    raise TracksideError(
+        f"the simulated recording {name} came out bad ({told.verdict_reason}): {advice}"
+    )
