@@ -12,12 +12,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import click
-
 from capture import Session, SessionError, write_text
 from dialogue import TracksideError, UsageError
 from scoring import ScoreOptions
 from trackside.campaign.plan import VISUAL, Drive, RunPlan
+
+
+def nobody(_: str) -> None:
+    """Hear what is said, and forget it."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,7 @@ class Place:
 
     folder : what is simulated; session : the one that is estimated and scored; shared : of all
     sessions; run : of the steps `slam` and `score`; again : whether the step was done before, by
-    other inputs; ours : whether the session was made here and may be made anew.
+    other inputs; say : takes a line for the session's log.
     """
 
     drive: Drive
@@ -36,6 +38,7 @@ class Place:
     options: ScoreOptions
     run: RunPlan | None = None
     again: bool = False
+    say: Callable[[str], object] = nobody
 
     @property
     def ours(self) -> bool:
@@ -49,22 +52,23 @@ Action = Callable[[Place], None]
 def calibrate(place: Place) -> None:
     """The overhead camera is hung and calibrated once: its calibration serves every session."""
     _clear(place.shared)
-    command("simulate", "--calibration-only", "-o", place.shared)
+    command(place, "simulate", "--site-only", "-o", place.shared)
 
 
 def simulate(place: Place) -> None:
     """The car's recording, the film from above, the scene and the exact truth."""
     _clear(place.folder)
     drive = place.drive
-    words = ("--map", drive.map, "--power", drive.power, "--seed", str(drive.seed))
-    command("simulate", *words, "-o", place.folder, "--calibration", place.shared)
+    words = ["--map", drive.map, "--power", drive.power, "--trial", str(drive.trial)]
+    words += ["--seed", str(drive.seed)]
+    command(place, "simulate", *words, "--site", place.shared, "-o", place.folder)
 
 
 def join(place: Place) -> None:
     """One session of car and film, on the clock of the car."""
     _clear(place.session)
     car, film, scene = (place.folder / name for name in ("car", "film", "scene.yaml"))
-    command("join", car, film, "-o", place.session, "--scene", scene)
+    command(place, "join", car, film, "-o", place.session, "--scene", scene)
 
 
 def track(place: Place) -> None:
@@ -80,7 +84,7 @@ def track(place: Place) -> None:
     given = ("--scene", scene) if scene.exists() else ()
     replace = ("--replace",) if session.has_ground_truth else ()
     try:
-        command("track", place.session, *given, *replace, "--no-clip")
+        command(place, "track", place.session, *given, *replace, "--no-clip")
     except TracksideError:
         # A truth with a bad verdict is written all the same; it must not pass for given next time.
         if place.ours:
@@ -93,7 +97,7 @@ def vo(place: Place) -> None:
     has = VISUAL in Session.open(place.session).odometry_sources
     if has and not place.again:
         return
-    command("vo", place.session, *(("--replace",) if has else ()))
+    command(place, "vo", place.session, *(("--replace",) if has else ()))
 
 
 def slam(place: Place) -> None:
@@ -110,7 +114,7 @@ def slam(place: Place) -> None:
     for setting in run.words:
         words += ["--set", setting]
     words += ["--smooth"] if run.smooth else []
-    command("slam", place.session, *words, "--name", run.name, "--replace")
+    command(place, "slam", place.session, *words, "--name", run.name, "--replace")
 
 
 def score(place: Place) -> None:
@@ -123,7 +127,7 @@ def score(place: Place) -> None:
     file = session.score_file(name)
     file.parent.mkdir(exist_ok=True)
     write_text(file, json.dumps(to_json([result]), indent=2, allow_nan=False) + "\n")
-    click.echo(f"Total {result.total}, wrote {file}")
+    place.say(f"Total {result.total}, wrote {file}\n")
 
 
 SHARED: Mapping[str, Action] = {"calibrate": calibrate}
@@ -142,8 +146,8 @@ CLEARING = frozenset({"simulate", "join"})
 """Steps that make a folder anew: what later steps left in it is gone."""
 
 ROOMS: Mapping[str, tuple[str, ...]] = {
-    "calibrate": ("geometry", "capture", "simulation", "calibration"),
-    "simulate": ("geometry", "drivers", "capture", "simulation"),
+    "calibrate": ("geometry", "capture", "simulation", "calibration", "trackside.virtual"),
+    "simulate": ("geometry", "drivers", "capture", "simulation", "trackside.virtual"),
     "join": ("geometry", "capture", "tracking"),
     "track": ("geometry", "capture", "tracking"),
     "vo": ("geometry", "capture", "visual_odometry"),
@@ -153,12 +157,12 @@ ROOMS: Mapping[str, tuple[str, ...]] = {
 """The rooms whose code decides what a step makes: when that changes, it is made anew."""
 
 
-def command(*words: str | Path) -> None:
+def command(place: Place, *words: str | Path) -> None:
     """Run a command of trackside in this process; raises what it raises, and for a bad end."""
     from trackside.cli import trackside
 
     texts = [str(word) for word in words]
-    click.echo(f"$ trackside {' '.join(texts)}")
+    place.say(f"$ trackside {' '.join(texts)}\n")
     code = trackside.main(args=texts, standalone_mode=False)
     if isinstance(code, int) and code != 0:
         raise TracksideError(f"trackside {' '.join(texts)} ended with exit code {code}")

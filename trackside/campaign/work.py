@@ -205,7 +205,7 @@ def _attempted(job: SessionJob, task: Task, state: State, log: TextIO) -> str | 
     if task.step in CLEARING:
         later = [other.name for other in job.tasks]
         state.forget(later[later.index(task.name) + 1 :])
-    place = replace(job.place, run=task.run, again=again)
+    place = replace(job.place, run=task.run, again=again, say=log.write)
     with _told(task.name, log) as told:
         try:
             job.table[task.step](place)
