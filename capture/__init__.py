@@ -7,6 +7,8 @@ landmark tables. `rosbags` and `mcap` are imported when a log is opened, not bef
 from capture.arrived import Arrived
 from capture.calibrations import (
     CameraCalibration,
+    CameraDelayCalibration,
+    DelayOfSession,
     LengthResidual,
     PlacedMarker,
     StereoCalibration,
@@ -15,6 +17,7 @@ from capture.calibrations import (
     calibration_file,
     now_utc,
     read_camera_calibration,
+    read_camera_delay,
     read_stereo_calibration,
     read_world_calibration,
     write_calibration,
@@ -37,6 +40,7 @@ from capture.errors import (
 from capture.estimate import NO_STAMP, Estimate, EstimatedMap, GroundTruth
 from capture.growing_odometry import GrowingOdometry, no_odometry
 from capture.images import LoggedImage
+from capture.joined import check_parts, keep_pictures, mapped_truth, new_joined_session
 from capture.landmark_table import (
     read_estimated_map,
     read_landmarks,
@@ -46,9 +50,10 @@ from capture.landmark_table import (
     write_path_covariance,
 )
 from capture.log_tail import LogTail
+from capture.peer_file import read_peer_clock
 from capture.point_cloud import point_cloud_message
 from capture.session import Session, list_sessions, preferred_source
-from capture.session_info import ClockPair, SessionInfo, software
+from capture.session_info import ClockPair, FilmClock, PeerClock, SessionInfo, software
 from capture.stamps import ns_to_stamp, stamp_to_ns
 from capture.streams import (
     Drive,
@@ -71,12 +76,15 @@ __all__ = [
     "Arrived",
     "CalibrationFileError",
     "CameraCalibration",
+    "CameraDelayCalibration",
     "CaptureError",
     "ClockPair",
     "ConfigurationError",
+    "DelayOfSession",
     "Drive",
     "Estimate",
     "EstimatedMap",
+    "FilmClock",
     "GroundTruth",
     "GrowingOdometry",
     "Imu",
@@ -87,6 +95,7 @@ __all__ = [
     "MissingStreamError",
     "Observations",
     "Odometry",
+    "PeerClock",
     "PlacedMarker",
     "Scans",
     "Session",
@@ -100,22 +109,28 @@ __all__ = [
     "ViewResidual",
     "WorldCalibration",
     "calibration_file",
+    "check_parts",
     "configuration_from_mapping",
     "configuration_from_text",
     "extended",
     "joined",
+    "keep_pictures",
     "list_sessions",
+    "mapped_truth",
     "new_folder",
+    "new_joined_session",
     "no_odometry",
     "now_utc",
     "ns_to_stamp",
     "point_cloud_message",
     "preferred_source",
     "read_camera_calibration",
+    "read_camera_delay",
     "read_configuration",
     "read_estimated_map",
     "read_landmarks",
     "read_path_covariance",
+    "read_peer_clock",
     "read_planar_tum",
     "read_stereo_calibration",
     "read_tum",

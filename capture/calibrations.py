@@ -192,7 +192,42 @@ class StereoCalibration:
         )
 
 
-Calibration: TypeAlias = CameraCalibration | WorldCalibration | StereoCalibration
+@dataclass(frozen=True, kw_only=True)
+class DelayOfSession:
+    """What one joined session tells of the camera's delay."""
+
+    name: str
+    delay_s: float
+    sigma_s: float
+    residual_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraDelayCalibration:
+    """The content of `camera-delay_DATE.yaml`: by how much the overhead camera stamps wrong.
+
+    delay_s : offset of the clocks by the data minus that by the network, car minus film; below 0
+    where the camera's stamps are late (or the gyro's early). scatter_s : between the sessions.
+    """
+
+    format: int = FORMAT
+    kind: Literal["camera-delay"] = "camera-delay"
+    made_utc: str
+    accepted: bool
+    reasons: tuple[str, ...] = ()
+    delay_s: float
+    sigma_s: float
+    scatter_s: float
+    sessions: tuple[DelayOfSession, ...]
+    software: str = field(default_factory=software)
+
+    def __post_init__(self) -> None:
+        _check_format(self.format)
+
+
+Calibration: TypeAlias = (
+    CameraCalibration | WorldCalibration | StereoCalibration | CameraDelayCalibration
+)
 _Kind = TypeVar("_Kind")
 
 
@@ -232,6 +267,11 @@ def read_world_calibration(place: Path) -> WorldCalibration:
 def read_stereo_calibration(place: Path) -> StereoCalibration:
     """The eyes of a file, or of the newest `stereo_*.yaml` of a folder."""
     return _read(StereoCalibration, place, "stereo")
+
+
+def read_camera_delay(place: Path) -> CameraDelayCalibration:
+    """The camera's delay of a file, or of the newest `camera-delay_*.yaml` of a folder."""
+    return _read(CameraDelayCalibration, place, "camera-delay")
 
 
 def calibration_file(place: Path, kind: str) -> Path:

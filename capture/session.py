@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -204,7 +204,10 @@ class Session:
         return topic.count if topic else 0
 
     def overhead_images(self) -> Iterator[LoggedImage]:
-        """The pictures of the overhead camera, one at a time, in the order of the log."""
+        """The pictures of the overhead camera, one at a time, in the order of the log.
+
+        Of a joined session their times are on the clock of the car (`SessionInfo.film_clock`).
+        """
         from capture.images import logged_images
 
         if self.film is None or not self.overhead_count:
@@ -212,7 +215,11 @@ class Session:
                 f"{self.folder}: has no pictures of the overhead camera ({OVERHEAD_LOG_NAME}, "
                 f"topic {OVERHEAD_TOPIC}); record them with trackside film"
             )
-        return logged_images(self.film, OVERHEAD_TOPIC)
+        images = logged_images(self.film, OVERHEAD_TOPIC)
+        clock = self.info.film_clock
+        if clock is None:
+            return images
+        return (replace(one, t_ns=clock.session_ns(one.t_ns)) for one in images)
 
     @cached_property
     def stereo_film(self) -> McapLog | None:

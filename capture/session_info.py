@@ -7,10 +7,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from capture.configuration import configuration_from_text
 from capture.errors import ConfigurationError, SessionError, TextFileError
 from capture.number_rows import read_text
 from capture.yaml_file import read_yaml, write_yaml
+from geometry import Stamps
 
 FORMAT = 1
 FILE_NAME = "session.yaml"
@@ -32,11 +35,66 @@ class ClockPair:
 
 
 @dataclass(frozen=True, kw_only=True)
+class PeerClock:
+    """The clocks of another machine against ours, asked over the network at one moment.
+
+    monotonic_ns, utc_ns : of ours, when the best answer came; offset_monotonic_ns, offset_utc_ns :
+    the peer's clock minus ours then; uncertainty_ns : half of the best round trip and the scatter;
+    boot_id, own_boot_id : of the peer and of us, as Linux names a run of a machine ("": unknown).
+    """
+
+    peer: str
+    monotonic_ns: int
+    utc_ns: int
+    offset_monotonic_ns: int
+    offset_utc_ns: int
+    uncertainty_ns: int
+    round_trip_ns: int
+    answers: int
+    boot_id: str = ""
+    own_boot_id: str = ""
+    method: str = "midpoint of the shortest round trip"
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilmClock:
+    """The overhead camera's clock on the session's: t = t_film + offset + skew (t_film - ref).
+
+    ref_ns : on the film's clock; sigma_ns, sigma_skew : standard deviations, the former at ref_ns;
+    network_offset_ns, network_sigma_ns : what the machines told each other for the same moment;
+    film : what was joined: name, devices, verdict of the film.
+    """
+
+    offset_ns: int
+    ref_ns: int
+    skew: float = 0.0
+    sigma_ns: int = 0
+    sigma_skew: float = 0.0
+    method: str = ""
+    network_offset_ns: int | None = None
+    network_sigma_ns: int | None = None
+    film: Mapping[str, object] = field(default_factory=dict)
+
+    def session_ns(self, film_ns: int) -> int:
+        """The session's time of a time of the film."""
+        # The product is small, so the float holds it to the nanosecond; the rest stays integer.
+        return film_ns + self.offset_ns + round(self.skew * (film_ns - self.ref_ns))
+
+    def all_session_ns(self, film_ns: Stamps) -> Stamps:
+        """The same for many times, (n,)."""
+        drift: Stamps = np.rint(self.skew * (film_ns - self.ref_ns)).astype(np.int64)
+        mapped: Stamps = film_ns + self.offset_ns + drift
+        return mapped
+
+
+@dataclass(frozen=True, kw_only=True)
 class SessionInfo:
     """The content of `session.yaml`.
 
     map, power, trial : what was driven, as the thesis' tables name it; start_utc : ISO 8601;
-    clocks : pairs that map monotonic time to UTC; devices : as they identified themselves;
+    clocks : pairs that map monotonic time to UTC; boot_id : of the machine, as Linux names it;
+    peer_clocks : of other machines, asked while recording; chrony : what `chronyc -c tracking`
+    said; film_clock : where a film was joined to it; devices : as they identified themselves;
     configuration : in force while recording; verdict : the operator's, with the reason;
     origin : for an imported session where it came from, and what was left out on the way.
     """
@@ -47,6 +105,10 @@ class SessionInfo:
     trial: int | None = None
     start_utc: str = ""
     clocks: tuple[ClockPair, ...] = ()
+    boot_id: str = ""
+    peer_clocks: tuple[PeerClock, ...] = ()
+    chrony: tuple[str, ...] = ()
+    film_clock: FilmClock | None = None
     devices: Mapping[str, object] = field(default_factory=dict)
     configuration: Mapping[str, object] = field(default_factory=dict)
     software: str = field(default_factory=software)

@@ -6,6 +6,8 @@ points. OpenCV is loaded when the first picture is looked at.
 """
 
 from tracking.errors import ImageError, TrackingError
+from tracking.film import Film, session_film
+from tracking.ground_truth import TrackResult, track_film
 from tracking.identity import (
     CarMemory,
     RingPair,
@@ -18,11 +20,20 @@ from tracking.images import Image, grey_image
 from tracking.markers import Marker, State, TrackedFrame
 from tracking.measuring import TrackerConfig
 from tracking.rings import RingSearch, RingSightings, find_rings
+from tracking.scene import Scene
 from tracking.still_rings import StillRings, average_rings
 from tracking.tracker import RingTracker
+from tracking.whole_film import (
+    keep_calibration,
+    scene_of,
+    summary,
+    usual_calibration,
+    write_pictures,
+)
 
 __all__ = [
     "CarMemory",
+    "Film",
     "Image",
     "ImageError",
     "Marker",
@@ -30,8 +41,10 @@ __all__ = [
     "RingSearch",
     "RingSightings",
     "RingTracker",
+    "Scene",
     "State",
     "StillRings",
+    "TrackResult",
     "TrackedFrame",
     "TrackerConfig",
     "TrackingError",
@@ -40,6 +53,13 @@ __all__ = [
     "find_rings",
     "grey_image",
     "heading_between",
+    "keep_calibration",
     "pair_match",
+    "scene_of",
+    "session_film",
+    "summary",
+    "track_film",
     "unique_matches",
+    "usual_calibration",
+    "write_pictures",
 ]

@@ -12,7 +12,6 @@ from dialogue import Progress, UsageError
 if TYPE_CHECKING:
     from capture import Session
     from geometry import LandmarkMap
-    from tracking.film import Film
     from tracking.ground_truth import TrackResult
     from tracking.scene import Scene
 
@@ -66,10 +65,18 @@ def track(
     from capture import calibration_file, read_world_calibration
     from tracking.film import session_film, video_film
     from tracking.ground_truth import track_film
+    from tracking.whole_film import (
+        keep_calibration,
+        scene_of,
+        summary,
+        usual_calibration,
+        write_pictures,
+    )
 
     if (session is None) == (video is None):
         raise UsageError("give either a SESSION that was filmed or --video FILE")
-    scene = _scene(scene_file, start_heading)
+    scene, told = scene_of(scene_file, start_heading)
+    click.echo(f"scene: {told}", err=True)
     if video is not None:
         target = output or video.with_name(f"{video.stem}_session")
         film, recording = video_film(video), None
@@ -79,7 +86,7 @@ def track(
             raise UsageError("--output belongs to --video; a session keeps its own truth")
         recording = _opened(session, replace)
         target, film = session, session_film(recording)
-    world_file = calibration_file(place or _usual_place(recording), "world")
+    world_file = calibration_file(place or usual_calibration(recording), "world")
     world = read_world_calibration(world_file)
     click.echo(f"calibration: {world_file}", err=True)
     cones = None if cones_from is None else _cones(cones_from, world_file, scene)
@@ -89,27 +96,20 @@ def track(
     kept = recording or _new_session(target, video, result)
     kept.write_ground_truth(result.truth, replace=replace)
     if world_file.parent.resolve() != (target / "calibration").resolve():
-        _keep_calibration(kept, world_file)
-    _write_pictures(target / "ground_truth", film, result, world_file, scene, no_clip)
-    _say(result)
-    click.echo(f"wrote {target / 'ground_truth'}; look at its track.html")
-    click.echo(f"next: trackside slam {target}, trackside score {target}")
+        keep_calibration(kept, world_file)
+    truth_folder = target / "ground_truth"
+    write_pictures(truth_folder, film, result, world_file, scene, clip=not no_clip)
+    click.echo("\n".join(summary(result)))
+    click.echo(f"wrote {truth_folder}; look at its track.html")
+    click.echo(f"next: {_following(kept)}")
     ctx.exit(0 if result.judgement.good else 1)
 
 
-def _scene(file: Path | None, start_heading_deg: float | None) -> Scene:
-    from dataclasses import replace
-
-    from tracking.scene import Scene, read_scene
-
-    usual = Path("scene.yaml")
-    if file is None and usual.exists():
-        file = usual
-    scene = Scene() if file is None else read_scene(file)
-    click.echo(f"scene: {file or 'the usual one, no scene.yaml given'}", err=True)
-    if start_heading_deg is not None:
-        scene = replace(scene, start_heading_deg=start_heading_deg)
-    return scene
+def _following(session: Session) -> str:
+    """What to do next: a film alone knows nothing of the car's own sensors."""
+    if session.odometry_sources or session.has_scans or session.has_observations:
+        return f"trackside slam {session.folder}, trackside score {session.folder}"
+    return f"trackside join CAR {session.folder}"
 
 
 def _opened(session: Path, replace: bool) -> Session:
@@ -119,12 +119,6 @@ def _opened(session: Path, replace: bool) -> Session:
     if recording.has_ground_truth and not replace:
         raise UsageError(f"{session} has a ground truth already; give --replace to make it anew")
     return recording
-
-
-def _usual_place(recording: Session | None) -> Path:
-    if recording is not None and any(f.name.startswith("world_") for f in recording.calibrations):
-        return recording.folder / "calibration"
-    return Path("calibration")
 
 
 def _cones(place: Path, world_file: Path, scene: Scene) -> LandmarkMap:
@@ -152,36 +146,3 @@ def _new_session(folder: Path, video: Path | None, result: TrackResult) -> Sessi
     with Session.create(folder, SessionInfo(map=folder.name, origin=origin)):
         pass
     return Session.open(folder)
-
-
-def _keep_calibration(session: Session, file: Path) -> None:
-    if not (session.folder / "calibration" / file.name).exists():
-        session.copy_calibration(file)
-
-
-def _write_pictures(
-    folder: Path, film: Film, result: TrackResult, world_file: Path, scene: Scene, no_clip: bool
-) -> None:
-    from capture import read_world_calibration, write_text
-    from tracking.preview import preview_picture, write_clip, write_picture
-    from tracking.track_page import track_page
-
-    view = read_world_calibration(world_file).view
-    picture = preview_picture(result, view, scene)
-    write_picture(folder / "preview.png", picture)
-    write_text(folder / "track.html", track_page(film.source, result, picture))
-    if not no_clip:
-        write_clip(folder / "track.mp4", film, result, view, scene)
-
-
-def _say(result: TrackResult) -> None:
-    from tracking.track_page import facts
-
-    for name, value in facts(result.judgement):
-        click.echo(f"{name}: {value}")
-    click.echo(f"cones: {len(result.truth.landmarks or ())}")
-    click.echo("good" if result.judgement.good else "bad")
-    for line in result.judgement.reasons:
-        click.echo(f"  {line}")
-    for line in result.judgement.remarks:
-        click.echo(f"  note: {line}")

@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import cast
 
 from capture.clock import UtcLine, read_clock_pair
+from capture.network_clock import read_boot_id
+from capture.recording.clock_witness import ClockWitness
 from capture.recording.folder import new_recording_folder
 from capture.recording.recorder import Clocks, Limits, Recorder
 from capture.recording.rig import Rig
@@ -72,7 +74,10 @@ def recorder_for(
         notes=take.notes,
         start_utc=started.isoformat(timespec="seconds"),
         clocks=(pair,),
+        boot_id=read_boot_id(),
         configuration={"rig": cast("dict[str, object]", plain(rig))},
     )
     limits = Limits(seconds, rig.recording.still_s, rig.recording.disk_reserve_mb * 1_000_000)
-    return Recorder(folder, info, streams, utc, limits, clocks)
+    return Recorder(
+        folder, info, streams, utc, limits, clocks, ClockWitness(rig.recording.clock_server)
+    )

@@ -13,7 +13,7 @@ from capture.recording.status import losses_from, remarks_of
 from capture.recording.verdict import Verdict, judged
 from capture.sensor_messages import diagnostics_of
 from capture.session import Session
-from capture.topics import DIAGNOSTICS_TOPIC
+from capture.topics import DIAGNOSTICS_TOPIC, OVERHEAD_LOG_NAME
 
 
 @dataclass(frozen=True)
@@ -43,9 +43,12 @@ def facts_of(session: Session, *, recovered: bool = False) -> RecordingFacts:
     """The facts of a recording, from its logs."""
     asked = _asked(session)
     watch, last = RecordingWatch(session.info.clocks[0].utc_ns), b""
+    film_clock = session.info.film_clock
     for log in session.logs:
+        film = film_clock if log.file.name == OVERHEAD_LOG_NAME else None
         for message in log.messages():
-            watch.note(message.topic, message.log_t_ns)
+            t_ns = message.log_t_ns if film is None else film.session_ns(message.log_t_ns)
+            watch.note(message.topic, t_ns)
             if message.topic == DIAGNOSTICS_TOPIC:
                 last = message.data
     diagnosis = diagnostics_of(last) if last else {}

@@ -127,9 +127,13 @@ def _summarise(recorder: Recorder) -> None:
     verdict = recorder.verdict()
     click.echo(_facts_table(recorder.facts(), recorder.folder.name).render("table"))
     _say_verdict(verdict)
+    for fault in recorder.witness.faults if recorder.witness is not None else ():
+        click.echo(f"  clock: {fault}")
     click.echo(f"wrote {recorder.folder}")
-    following = "trackside join CAR FILM" if "film" in recorder.folder.name else "trackside slam"
-    click.echo(f"next: {following} {recorder.folder}")
+    if "overhead" in recorder.info.devices:
+        click.echo(f"next: trackside join CAR {recorder.folder}")
+    else:
+        click.echo(f"next: trackside join {recorder.folder} FILM, or trackside slam alone")
 
 
 @click.command("check")

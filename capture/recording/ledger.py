@@ -16,7 +16,7 @@ from capture.recording.status import Health, StreamStatus, remarks_of
 from capture.recording.stream import Stream
 from capture.recording.verdict import judged
 from capture.sensor_messages import OK
-from capture.session_info import ClockPair, SessionInfo, write_session_info
+from capture.session_info import ClockPair, PeerClock, SessionInfo, write_session_info
 from capture.session_writer import write_rosbag_metadata
 
 STREAMS_KEY = "streams"
@@ -136,6 +136,12 @@ class Ledger:
             verdict_reason=verdict.text,
         )
         write_session_info(self.folder, self.info)
+
+    def note_clocks(self, peer_clocks: tuple[PeerClock, ...], chrony: tuple[str, ...]) -> None:
+        """What was heard of other clocks, which comes when all else is written."""
+        if peer_clocks or chrony:
+            self.info = replace(self.info, peer_clocks=peer_clocks, chrony=chrony)
+            write_session_info(self.folder, self.info)
 
     def abandon(self, error: Exception) -> None:
         """Leave the logs as they are and say how to finish them: raises `RecordingError`."""

@@ -14,6 +14,7 @@ from types import TracebackType
 from typing import Any
 
 from capture.clock import UtcLine, read_clock_pair
+from capture.recording.clock_witness import ClockWitness
 from capture.recording.facts import RecordingFacts
 from capture.recording.folder import held
 from capture.recording.inbox import Inbox
@@ -52,10 +53,10 @@ class Recorder:
     """A recording from the first byte to the verdict; a context manager.
 
     folder : of the session, which exists and is empty; translators of all `streams` were made with
-    `utc`. Entering connects every device and reads it; `is_ready` is set, and the recording counts,
-    once each has given something. Leaving stops devices first, then ends the
-    logs, then writes what is known. Raises `RecordingError` naming every device that cannot be
-    had, and leaves none of the others running.
+    `utc`; witness : asks other clocks meanwhile. Entering connects every device and reads it;
+    `is_ready` is set, and the recording counts, once each has given something. Leaving stops
+    devices first, then ends the logs, then writes what is known. Raises `RecordingError` naming
+    every device that cannot be had, and leaves none of the others running.
     """
 
     def __init__(
@@ -66,8 +67,10 @@ class Recorder:
         utc: UtcLine,
         limits: Limits = Limits(),
         clocks: Clocks = Clocks(),
+        witness: ClockWitness | None = None,
     ) -> None:
         self.folder = folder
+        self.witness = witness
         self._limits, self._clocks = limits, clocks
         self._ledger = Ledger(folder, info, streams, utc)
         bounds = {name: stream.waiting for name, stream in streams.items()}
@@ -103,6 +106,8 @@ class Recorder:
         self._connected_ns = self._diagnosed_ns = self._clocks.monotonic_ns()
         self._ledger.start(self._connected_ns)
         self._writer.start()
+        if self.witness is not None:
+            self.witness.begin()
 
     def __exit__(
         self,
@@ -111,6 +116,8 @@ class Recorder:
         trace: TracebackType | None,
     ) -> None:
         stopped_ns = self._clocks.monotonic_ns()
+        if self.witness is not None:
+            self.witness.begin_last()
         if isinstance(error, Exception) and not self.ended_because:
             self._ledger.own.ended_because = f"of an error ({type(error).__name__})"
         with self._held:  # which stops the devices, once more, and lets go of the folder
@@ -239,3 +246,5 @@ class Recorder:
         last = self._ledger.diagnosis(stopped_ns, self._statuses(stopped_ns))
         ended = read_clock_pair(self._clocks.monotonic_ns, self._clocks.utc_ns)
         self._ledger.finish(last, ended)
+        if self.witness is not None:  # everything is safe by now
+            self._ledger.note_clocks(*self.witness.told())

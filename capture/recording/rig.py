@@ -7,6 +7,7 @@ from pathlib import Path
 
 from capture.configuration import read_configuration
 from capture.errors import ConfigurationError
+from capture.network_clock import host_and_port
 from drivers.camera import ImageFolderConfig, VideoFileConfig
 from drivers.camera.v4l2 import V4l2Config
 from drivers.camera.zed import ZedConfig
@@ -24,12 +25,18 @@ class RecordingConfig:
     """How a recording is made.
 
     folder : where sessions go; disk_reserve_mb : the recording ends when less is left;
-    still_s : how long the car is asked to stand at the start, for the bias of the gyro.
+    still_s : how long the car is asked to stand at the start, for the bias of the gyro;
+    clock_server : HOST[:PORT] where `trackside clock serve` runs, whose clock is asked at the start
+    and at the end. Raises `ValueError` where that is none.
     """
 
     folder: str = "sessions"
     disk_reserve_mb: int = field(default=500, metadata={"min": 0})
     still_s: float = field(default=2.0, metadata={"min": 0.0, "max": 60.0})
+    clock_server: str = ""
+
+    def __post_init__(self) -> None:
+        host_and_port(self.clock_server)
 
 
 @dataclass(frozen=True, kw_only=True)

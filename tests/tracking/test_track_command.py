@@ -50,6 +50,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert "good" in done.output
     assert "frames: 55, 1 of them left out" in done.output
     assert f"note: 1 frames left out, damaged: {CUT}" in done.output
+    # A film alone has nothing to run SLAM on.
+    assert f"next: trackside join CAR {folder / 'run'}" in done.output
     return folder
 
 
