@@ -29,6 +29,8 @@ PALETTE: Mapping[str, str] = MappingProxyType(
         "series4": "#56707f",
         "missed": "#aa3c87",
         "false": "#d55e00",
+        "driven": "#2e9e4f",
+        "odometry": "#c8102e",
     }
 )
 """CSS variable -> code it is drawn with; hues after Okabe & Ito, Color Universal Design, 2008."""
