@@ -9,6 +9,13 @@ import click
 
 MAP, POWER, SEED = "turn", "high", "7"
 ALGORITHMS = ("ekf", "fastslam")
+BEFORE = """\
+A car slides through a turn between 14 cones. Its lidar, motor controller, IMU and stereo camera
+are emulated to the byte and recorded by the real drivers; a camera above films it. Each step below
+is a command of its own. The first run compiles kernels, which takes some seconds more."""
+AFTER = """\
+Total is the sum of six errors of path and map: 0 is perfect, a cone missed or invented costs 0.3.
+The truth is the film's alone; the simulator's own is in truth/."""
 
 
 @click.command("demo")
@@ -27,12 +34,7 @@ def demo(ctx: click.Context, output: Path | None) -> None:
     """
     target = output or _free_name(Path("trackside-demo"))
     run = target / "run"
-    click.echo(
-        "A car slides through a turn between 14 cones. Its lidar, motor controller, IMU and stereo\n"
-        "camera are emulated to the byte and recorded by the real drivers; a camera above films it.\n"
-        "Each step below is a command of its own. The first run compiles kernels, which takes some\n"
-        "seconds more."
-    )
+    click.echo(BEFORE)
     steps = [
         ("simulate", "--map", MAP, "--power", POWER, "--seed", SEED, "-o", str(target)),
         (
@@ -45,11 +47,7 @@ def demo(ctx: click.Context, output: Path | None) -> None:
     ]
     for words in steps:
         _run(ctx, words)
-    click.echo(
-        f"\nTotal is the sum of six errors of path and map: 0 is perfect, a cone missed or invented\n"
-        f"costs 0.3. The truth came from the film alone; {target / 'truth'} tells how good that was.\n"
-        f"Look at {run / 'report.html'}, then at docs/quickstart.md."
-    )
+    click.echo(f"\n{AFTER}\nLook at {run / 'report.html'}, then at docs/quickstart.md.")
 
 
 def _run(ctx: click.Context, words: Sequence[str]) -> None:

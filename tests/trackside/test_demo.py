@@ -9,40 +9,50 @@ from browser import Browser, faults
 from click.testing import CliRunner
 
 from dialogue import TracksideError
-from trackside.demo import demo
+from trackside.demo import _free_name, demo
 from trackside.shipped import example
 
 NUMBER = re.compile(r"\d+\.\d+")
 REPOSITORY = Path(__file__).parent.parent.parent
 
 
-def run_demo(monkeypatch: pytest.MonkeyPatch, folder: Path, *words: str) -> str:
-    monkeypatch.chdir(folder)
-    done = CliRunner().invoke(demo, list(words), catch_exceptions=False)
+@pytest.fixture(scope="module")
+def whole_road(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The folder of a demo, and what it printed."""
+    folder = tmp_path_factory.mktemp("demo") / "demo"
+    done = CliRunner().invoke(demo, ["-o", str(folder)], catch_exceptions=False)
     assert done.exit_code == 0, done.output
-    return done.output
+    return folder, done.output
 
 
-def test_the_demo_goes_the_whole_road(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    printed = run_demo(monkeypatch, tmp_path)
-    session = tmp_path / "trackside-demo"
-    assert (session / "report.html").stat().st_size > 50_000
-    totals = {}
-    for preset in ("thesis", "robust"):
-        (score,) = json.loads((session / "scores" / f"{preset}.json").read_text())["scores"]
-        assert score["counts"]["pairs"] == 14
-        totals[preset] = score["total"]
-    # The robust preset knows that one sighting makes no cone.
-    assert totals["robust"] < 0.5 * totals["thesis"]
+@pytest.mark.slow
+def test_the_demo_goes_the_whole_road(whole_road: tuple[Path, str]) -> None:
+    folder, printed = whole_road
+    assert (folder / "run" / "report.html").stat().st_size > 50_000
+    assert (folder / "run" / "ground_truth" / "track.html").exists()
+    for name in ("ekf", "fastslam"):
+        file = folder / "run" / "scores" / f"{name}.json"
+        (score,) = json.loads(file.read_text())["scores"]
+        assert score["counts"]["pairs"] == score["counts"]["landmarks_true"] == 14
+        assert score["total"] < 0.5
     for line in readme_block():
         assert any(alike(line, other) for other in printed.splitlines()), line
 
 
-def test_a_browser_shows_its_report_without_a_fault(
-    browser: Browser, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+@pytest.mark.slow
+def test_each_step_is_shown_as_the_command_that_it_is(whole_road: tuple[Path, str]) -> None:
+    folder, printed = whole_road
+    shown = [line.split()[2] for line in printed.splitlines() if line.startswith("$ trackside ")]
+    assert shown == ["simulate", "join", "vo", "slam", "slam", "score"]
+    assert f"Look at {folder / 'run' / 'report.html'}" in printed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", ["report.html", "ground_truth/track.html"])
+def test_a_browser_shows_its_pages_without_a_fault(
+    browser: Browser, whole_road: tuple[Path, str], page: str
 ) -> None:
-    run_demo(monkeypatch, tmp_path)
-    assert faults(browser, tmp_path / "trackside-demo" / "report.html") == []
+    assert faults(browser, whole_road[0] / "run" / page) == []
 
 
 def alike(shown: str, printed: str) -> bool:
@@ -65,13 +75,12 @@ def readme_block() -> list[str]:
     return lines
 
 
-def test_a_second_demo_takes_another_folder(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    (tmp_path / "trackside-demo").mkdir()
-    run_demo(monkeypatch, tmp_path)
-    assert (tmp_path / "trackside-demo-2" / "report.html").is_file()
-    assert not any((tmp_path / "trackside-demo").iterdir())
+def test_the_first_free_name_is_taken(tmp_path: Path) -> None:
+    assert _free_name(tmp_path / "demo") == tmp_path / "demo"
+    (tmp_path / "demo").mkdir()
+    assert _free_name(tmp_path / "demo") == tmp_path / "demo-2"
+    (tmp_path / "demo-2").mkdir()
+    assert _free_name(tmp_path / "demo") == tmp_path / "demo-3"
 
 
 def test_an_existing_folder_is_not_touched(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -85,7 +94,7 @@ def test_an_existing_folder_is_not_touched(monkeypatch: pytest.MonkeyPatch, tmp_
 def test_a_missing_example_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr("trackside.shipped._FOLDERS", (tmp_path,))
     with pytest.raises(TracksideError, match="missing from this installation; reinstall"):
-        example("loop")
+        example("thesis.yaml")
 
 
 def test_the_example_is_made_again_to_the_byte(
