@@ -26,15 +26,12 @@ class Place:
 class Build:
     """Everything that a person measures on a car, or calibrates.
 
-    gyro_gain : what the gyro tells for 1 rad/s; eye : the ZED's left one, `eye_pitch_rad` : how far
-    it looks down.
+    gyro_gain : what the gyro tells for 1 rad/s. (The ZED's place: `simulation.stereo`.)
     """
 
     model: CarModel = field(default_factory=CarModel)
     vesc: VescCalibration
     lidar: Place
-    eye: Place
-    eye_pitch_rad: float
     rings: CarPlan
     gyro_gain: float = 1.0
 
@@ -47,8 +44,6 @@ AS_DRAWN = Build(
         wheelbase_m=0.26,
     ),
     lidar=Place(x_m=0.13, height_m=LIDAR_HEIGHT_M),
-    eye=Place(x_m=0.20, y_m=0.06, height_m=0.22),
-    eye_pitch_rad=math.radians(12.0),
     rings=CarPlan(front_x_m=0.25, rear_x_m=0.05, height_m=0.2),
 )
 """F1TENTH's figures for the motor (reference/protocols.md B.11); the rest is a plan's."""
@@ -61,8 +56,6 @@ AS_BUILT = Build(
         wheelbase_m=CarModel().wheelbase_m,
     ),
     lidar=Place(x_m=0.134, y_m=-0.003, yaw_rad=math.radians(1.2), height_m=LIDAR_HEIGHT_M),
-    eye=Place(x_m=0.20, y_m=0.06, height_m=0.22),
-    eye_pitch_rad=math.radians(12.0),
     rings=CarPlan(front_x_m=0.2506, rear_x_m=0.0503, height_m=0.2005),
     gyro_gain=1.006,
 )

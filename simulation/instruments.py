@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers import ModelPort, Port, Reading
+from drivers.camera import CameraEmulator, Clock, ZedCamera, ZedConfig
+from drivers.camera.v4l2.source import DeviceFacts, VideoMode
 from drivers.imu.mpu9250 import FakeMpu9250Bus, Mpu9250, Mpu9250Config
 from drivers.rplidar import LidarPort, RPLidar, RPLidarConfig, RPLidarModel, a2m8
 from drivers.vesc import (
@@ -25,12 +27,19 @@ from drivers.vesc import (
 from geometry import Floats
 from simulation.build import Place
 from simulation.sensors import ImuNoise, ImuWorld, LidarWorld, VescWorld
+from simulation.stereo import StereoScene
 from simulation.world import World
 
 LIDAR = RPLidarConfig("/dev/rc/lidar", scan_mode="Express", rotation_hz=15.0)
 """Fifteen turns a second as the thesis, and some 270 beams a turn."""
 VESC = VescConfig(port="/dev/rc/vesc")
 IMU = Mpu9250Config(rate_hz=200)
+ZED_RATES_HZ = (15.0, 30.0, 60.0, 100.0)
+ZED = ZedConfig("/dev/rc/zed", mode="VGA", rate_hz=15.0, exposure_s=0.005)
+ZED_FACTS = DeviceFacts(
+    node="/dev/video1", card="ZED", driver="uvcvideo", bus="usb-emulated-2", captures=True,
+    serial="12345", usb_id="2b03:f582", usb_mbit_s=5000.0,
+)  # fmt: skip
 LIDAR_PPM, IMU_RATE_ERROR = 30.0, 0.003
 FIRMWARE = Firmware(5, 2, "410", "0a1b2c3d4e5f60718293a4b5", paired=False, beta=0)
 LIMITS = DriveLimits(
@@ -89,6 +98,17 @@ def imu_in_simulated_time(made: Models, begins_ns: int) -> Mpu9250:
     bus = FakeMpu9250Bus(made.imu, start_ns=begins_ns)
     bus.rate_error = IMU_RATE_ERROR
     return Mpu9250(IMU, lambda _: bus)
+
+
+def zed_of(world: World, clock: Clock, zero_ns: int) -> ZedCamera:
+    """The stereo camera, paced by a clock."""
+    scene = StereoScene(world.cones.positions, seed=int(world.rng("stereo").integers(1 << 31)))
+
+    def seen(t_ns: int) -> bytes:
+        return scene.frame_yuyv(world.drive.poses(np.array([t_ns - zero_ns]))[0])
+
+    camera = CameraEmulator(seen, clock, ZED_FACTS, (VideoMode("YUYV", 1344, 376, ZED_RATES_HZ),))
+    return ZedCamera(ZED, camera.open)
 
 
 class DrivenVesc:

@@ -10,17 +10,31 @@ from pathlib import Path
 
 from capture import SessionInfo
 from capture.clock import UtcLine, read_clock_pair
+from capture.recording.camera import CameraTranslator
 from capture.recording.imu import ImuTranslator
 from capture.recording.lidar import LidarTranslator
 from capture.recording.recorder import Limits, Recorder
+from capture.recording.rig_streams import IMAGES_WAITING
 from capture.recording.still import StillPeriod
 from capture.recording.stream import Stream
 from capture.recording.vesc import VescTranslator
+from capture.topics import ZED_LOG_NAME, ZED_TOPIC
 from drivers import PtyEmulator, SerialPort
+from drivers.camera import RealClock
 from drivers.imu.mpu9250 import Mpu9250, RealTimeMpu9250Bus
 from drivers.rplidar import RPLidar
 from drivers.vesc import Vesc
-from simulation.instruments import IMU, IMU_RATE_ERROR, LIDAR, VESC, DrivenVesc, Models, models
+from simulation.instruments import (
+    IMU,
+    IMU_RATE_ERROR,
+    LIDAR,
+    VESC,
+    ZED,
+    DrivenVesc,
+    Models,
+    models,
+    zed_of,
+)
 from simulation.recordings import (
     SPIN_UP_NS,
     STILL_S,
@@ -47,6 +61,7 @@ def record_car_in_real_time(
     clock: CarClock,
     trial: int | None = None,
     commanded: bool = False,
+    stereo: bool = True,
     advance: Advance = lambda _: None,
 ) -> SessionInfo:
     """As `recordings.record_car`, in as much time as the drive takes; ends early on no error."""
@@ -56,6 +71,8 @@ def record_car_in_real_time(
         lidar = stack.enter_context(PtyEmulator(made.lidar))
         vesc = stack.enter_context(PtyEmulator(made.vesc))
         streams = _streams(world, made, clock, lidar.path, vesc.path, commanded)
+        if stereo:
+            streams["zed"] = _zed(world, clock)
         info = information(world, clock.pair, car_rig(world), trial)
         recorder = Recorder(folder, info, streams, clock.utc, Limits(still_s=STILL_S))
         with recorder:
@@ -67,6 +84,11 @@ def record_car_in_real_time(
                 told_s = done_s
                 ended.wait(POLL_S)
     return recorder.info
+
+
+def _zed(world: World, clock: CarClock) -> Stream:
+    pairs = CameraTranslator(clock.utc, ZED_TOPIC, ZED_LOG_NAME, "zed_left")
+    return Stream(zed_of(world, RealClock(), clock.zero_ns), pairs, ZED.rate_hz, IMAGES_WAITING)
 
 
 def _streams(

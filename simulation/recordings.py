@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from pathlib import Path
@@ -17,7 +17,7 @@ from capture.recording.simulated_time import record_in_simulated_time
 from capture.recording.still import StillPeriod
 from capture.recording.stream import Stream
 from capture.recording.vesc import VescTranslator
-from capture.topics import OVERHEAD_LOG_NAME, OVERHEAD_TOPIC
+from capture.topics import OVERHEAD_LOG_NAME, OVERHEAD_TOPIC, ZED_LOG_NAME, ZED_TOPIC
 from capture.yaml_file import plain
 from drivers import Device
 from drivers.camera import CameraEmulator, FreeClock, V4l2Camera, V4l2Config
@@ -26,11 +26,13 @@ from simulation.instruments import (
     IMU,
     LIDAR,
     VESC,
+    ZED,
     commanded_vesc_in_simulated_time,
     imu_in_simulated_time,
     lidar_in_simulated_time,
     models,
     vesc_in_simulated_time,
+    zed_of,
 )
 from simulation.overhead_film import EXPOSURE_S, FilmClock, FilmScene
 from simulation.world import START_UTC_NS, World
@@ -38,6 +40,8 @@ from simulation.world import START_UTC_NS, World
 CAR_ZERO_NS = 5_000_000_000_000
 """World time 0 on the car's monotonic clock: its computer is up for an hour and a half."""
 SPIN_UP_NS = 4_000_000_000
+SETTLE_NS = 1_000_000_000
+"""A camera gives its first frame within so long."""
 STILL_S = 2.0
 FILM_BEFORE_NS = 1_300_000_000
 """So much earlier than world time 0 the film begins: the cones' rings are measured standing."""
@@ -83,7 +87,7 @@ def information(world: World, clock: ClockPair, rig: Rig, trial: int | None) -> 
 
 def car_rig(world: World) -> Rig:
     """The rig of the car, with the figures of its plan."""
-    return Rig(lidar=LIDAR, vesc=VESC, vesc_calibration=world.drawn.vesc, mpu9250=IMU)
+    return Rig(lidar=LIDAR, vesc=VESC, vesc_calibration=world.drawn.vesc, mpu9250=IMU, zed=ZED)
 
 
 def record_car(
@@ -92,14 +96,14 @@ def record_car(
     *,
     trial: int | None = None,
     commanded: bool = False,
-    more: Callable[[UtcLine, int], Mapping[str, Stream]] = lambda _utc, _begins_ns: {},
+    stereo: bool = True,
     clock: CarClock = CarClock(),
     advance: Advance = lambda _: None,
 ) -> SessionInfo:
     """The car's recording of a drive, in a folder that exists and is empty.
 
     commanded : driven through the motor controller, so that its steering is on record, not by
-    remote control; more : further streams, such as the stereo camera's, in the same time.
+    remote control; stereo : with the ZED.
     """
     made, begins_ns = models(world, clock.zero_ns), clock.zero_ns - SPIN_UP_NS
     vesc: Device[object] = (
@@ -116,8 +120,11 @@ def record_car(
         "mpu9250": Stream(
             imu_in_simulated_time(made, begins_ns), ImuTranslator(clock.utc, still), still=still
         ),
-        **more(clock.utc, begins_ns),
     }
+    if stereo:
+        pairs = CameraTranslator(clock.utc, ZED_TOPIC, ZED_LOG_NAME, "zed_left")
+        zed = zed_of(world, FreeClock(clock.zero_ns - SETTLE_NS), clock.zero_ns)
+        streams["zed"] = Stream(zed, pairs, ZED.rate_hz)
     return record_in_simulated_time(
         folder,
         information(world, clock.pair, car_rig(world), trial),

@@ -6,6 +6,7 @@ as they come from the factory, and the noise of the sensor.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +39,29 @@ def zed_calibration(
     return StereoCalibration.of_pair(
         pair or zed_pair(), mounting, made_utc="2026-01-01T00:00:00Z", how={"source": "simulation"}
     )
+
+
+def told_calibration() -> StereoCalibration:
+    """What a person has of the ZED on the virtual car: the factory's file, and a ruler's mounting.
+
+    Off by what such files and rulers are off: the focal lengths by 0.15 %, the base line by 0.1 mm,
+    the turn between the eyes by 0.02 degrees, the place by 2 mm, the pitch by 0.4 degrees.
+    """
+    true = zed_pair()
+    left, right = (
+        replace(eye, fx=factor * eye.fx, fy=factor * eye.fy)
+        for eye, factor in ((true.left, 1.0015), (true.right, 1.0012))
+    )
+    rotation = turned(np.radians([0.008, -0.012, 0.015])) @ true.rotation
+    pair = StereoPair(left, right, rotation, true.translation + np.array([1e-4, 0.0, 0.0]))
+    place = ZED_MOUNTING
+    held = replace(
+        place,
+        x_m=place.x_m + 0.002,
+        y_m=place.y_m - 0.0015,
+        pitch_rad=place.pitch_rad + float(np.radians(0.4)),
+    )
+    return zed_calibration(pair, held)
 
 
 def factory_text(pair: StereoPair) -> str:

@@ -20,7 +20,7 @@ from tracking.scene import Scene
 Picture: TypeAlias = npt.NDArray[np.uint8]
 
 SEEN, PARTLY, BRIDGED, AXES = (80, 200, 60), (0, 190, 255), (0, 110, 255), (230, 160, 40)
-_CAR = (255, 200, 60)
+_CAR, RIM, WORDS = (255, 200, 60), (20, 20, 20), (245, 245, 245)
 _CLIP_WIDTH_PX, _CLIP_HZ, _CLIP_FRAMES = 960, 15.0, 300
 
 
@@ -96,10 +96,17 @@ def _annotated(
         cv2.drawMarker(picture, place, colour, cv2.MARKER_CROSS, 12 * wide, wide, cv2.LINE_AA)
         words = name.removeprefix("marker_").removeprefix("cone ")
         corner = (place[0] + 24 * wide, place[1] - 16 * wide)
-        cv2.putText(
-            picture, words, corner, cv2.FONT_HERSHEY_SIMPLEX, 0.6 * wide, colour, wide, cv2.LINE_AA
-        )
+        _write(picture, words, corner, wide)
     return picture
+
+
+def _write(picture: Picture, words: str, corner: tuple[int, int], wide: int) -> None:
+    """Light words with a dark rim, to be read on the path and on white paper too."""
+    import cv2
+
+    font, size = cv2.FONT_HERSHEY_SIMPLEX, 0.6 * wide
+    for colour, width in ((RIM, 4 * wide), (WORDS, wide)):
+        cv2.putText(picture, words, corner, font, size, colour, width, cv2.LINE_AA)
 
 
 def _draw_axes(picture: Picture, view: View, wide: int) -> None:

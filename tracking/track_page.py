@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import base64
-import io
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from dialogue import Cell, Table
+from dialogue.pages import PALETTE, figure_svg, render, series_colour, view
 from geometry import Floats
 from tracking.ground_truth import TrackResult
 from tracking.preview import Picture
@@ -20,31 +20,26 @@ from tracking.verdict import Judgement
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_TEMPLATES = Path(__file__).parent / "templates"
+_TEMPLATE = Path(__file__).parent / "templates" / "track.html"
 _POINTS = 2000
-_INK, _CAR, _STAND, _GAP = "#1b1c1e", "#0072b2", "#009e73", "#d55e00"
-_REMOVED = re.compile(r"<\?xml.*?\?>|<!DOCTYPE.*?>|<metadata>.*?</metadata>", re.DOTALL)
+_SIZE_IN = (4.8, 2.1)
+_CAR, _STAND, _GAP = series_colour(0), series_colour(1), PALETTE["false"]
 
 
 def track_page(title: str, result: TrackResult, picture: Picture) -> str:
     """The page as text."""
     import cv2
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-    from markupsafe import Markup
 
     _, jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 85])
-    environment = Environment(
-        loader=FileSystemLoader(_TEMPLATES), autoescape=True, undefined=StrictUndefined
-    )
-    # The figures are made here, from numbers alone.
-    environment.filters["svg"] = Markup
-    return environment.get_template("track.html").render(
+    return render(
+        _TEMPLATE,
         title=title,
+        subtitle="",
         judgement=result.judgement,
         picture=base64.b64encode(jpeg.tobytes()).decode("ascii"),
         figures=_figures(result),
-        facts=facts(result.judgement),
-        cones=_cones(result),
+        facts=view(Table(("what", "value"), tuple(facts(result.judgement)), title="The film")),
+        cones=view(_cones(result)),
     )
 
 
@@ -62,36 +57,45 @@ def facts(judgement: Judgement) -> list[tuple[str, str]]:
     ]
 
 
-def _cones(result: TrackResult) -> list[tuple[str, ...]]:
+def _cones(result: TrackResult) -> Table:
     cones = result.truth.landmarks
     assert cones is not None
     assert cones.covariances is not None or not len(cones)
-    rows: list[tuple[str, ...]] = []
+    rows: list[tuple[Cell, ...]] = []
     for k, number in enumerate(cones.ids.tolist()):
-        x, y = cones.positions[k]
+        x, y = cones.positions[k].tolist()
         spread = np.zeros((2, 2)) if cones.covariances is None else cones.covariances[k]
-        sigma = 1e3 * float(np.sqrt(np.trace(spread)))
-        rows.append((str(number), f"{x:.4f}", f"{y:.4f}", f"{sigma:.2f}"))
-    return rows
+        sigma_mm = 1e3 * float(np.sqrt(np.trace(spread)))
+        rows.append((number, x, y, sigma_mm))
+    columns = ("cone", "x [m]", "y [m]", "sigma [mm]")
+    return Table(columns, tuple(rows), title="Cones", digits=4)
 
 
 def _figures(result: TrackResult) -> list[dict[str, str]]:
     return [
         {
-            "svg": _svg(lambda axes: _draw_residuals(axes, result)),
+            "svg": _over_time(lambda axes: _draw_residuals(axes, result), "Residuals over time"),
             "caption": "Scatter of the edges around the fit: of the car's rings and of those that "
             "stand. Orange: frames in which the car was not seen.",
         },
         {
-            "svg": _svg(lambda axes: _draw_span(axes, result)),
+            "svg": _over_time(lambda axes: _draw_span(axes, result), "Distance of the rings"),
             "caption": "How far apart the car's rings come out. A slope over the track means a "
             "wrong height or a wrong calibration.",
         },
         {
-            "svg": _svg(lambda axes: _draw_sigma(axes, result)),
+            "svg": _over_time(lambda axes: _draw_sigma(axes, result), "Standard deviation"),
             "caption": "Standard deviation of the position of base_link, calibration included.",
         },
     ]
+
+
+def _over_time(draw: Callable[[Axes], None], description: str) -> str:
+    def draw_with_time(axes: Axes) -> None:
+        draw(axes)
+        axes.set_xlabel("time [s]")
+
+    return figure_svg(_SIZE_IN, draw_with_time, description)
 
 
 def _draw_residuals(axes: Axes, result: TrackResult) -> None:
@@ -113,21 +117,27 @@ def _draw_residuals(axes: Axes, result: TrackResult) -> None:
 
 def _draw_span(axes: Axes, result: TrackResult) -> None:
     both = result.tracks.seen[:, -2:].all(axis=1)
-    t_s = _since_start(result)[both]
-    keep = _thinned(len(t_s))
-    axes.plot(t_s[keep], 1e3 * result.span_m[keep], color=_CAR, linewidth=0.9)
+    _plot_known(axes, _since_start(result), np.flatnonzero(both), 1e3 * result.span_m)
+    # Tenths of a millimetre around 200: whole numbers on the axis, not an offset above it.
+    axes.ticklabel_format(axis="y", useOffset=False)
     axes.set_ylabel("distance [mm]")
 
 
 def _draw_sigma(axes: Axes, result: TrackResult) -> None:
     covariances = result.truth.path_covariances
     assert covariances is not None
-    t_s = _since_start(result)[result.rows]
-    keep = _thinned(len(t_s))
-    sigma = 1e3 * np.sqrt(covariances[:, 0, 0] + covariances[:, 1, 1])
-    axes.plot(t_s[keep], sigma[keep], color=_CAR, linewidth=0.9)
+    sigma_mm = 1e3 * np.sqrt(covariances[:, 0, 0] + covariances[:, 1, 1])
+    _plot_known(axes, _since_start(result), result.rows, sigma_mm)
     axes.set_ylabel("sigma [mm]")
     axes.set_ylim(bottom=0.0)
+
+
+def _plot_known(axes: Axes, t_s: Floats, rows: npt.NDArray[np.integer], values: Floats) -> None:
+    """A line through the frames `rows` (k,), with gaps where there is no value (k,)."""
+    whole = np.full(len(t_s), np.nan)
+    whole[rows] = values
+    keep = _thinned(len(t_s))
+    axes.plot(t_s[keep], whole[keep], color=_CAR, linewidth=0.9)
 
 
 def _shade_gaps(axes: Axes, t_s: Floats, both: npt.NDArray[np.bool_]) -> None:
@@ -144,18 +154,3 @@ def _since_start(result: TrackResult) -> Floats:
 def _thinned(count: int) -> slice:
     """A page need not hold more points than a screen shows."""
     return slice(None, None, max(1, count // _POINTS))
-
-
-def _svg(draw: Callable[[Axes], None]) -> str:
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
-    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "track", "font.size": 9.0}):
-        figure = Figure(figsize=(9.0, 2.1), layout="constrained")
-        figure.patch.set_visible(False)
-        axes = figure.add_subplot()
-        axes.set_xlabel("time [s]")
-        draw(axes)
-        out = io.StringIO()
-        figure.savefig(out, format="svg", metadata={"Date": None})
-    return _REMOVED.sub("", out.getvalue())

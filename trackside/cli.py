@@ -39,6 +39,7 @@ COMMANDS = {
     "slam tune": ("trackside.tuning.cli:tune", "Search the parameters of SLAM that score best."),
     "score": ("scoring.cli:score", "Score path and map against the truth."),
     "compare": ("scoring.comparison.cli:compare", "Many scores: tables, intervals, tests."),
+    "campaign": ("trackside.campaign.cli:campaign", "A whole experiment, to one report."),
     "replay": ("capture.recording.cli:replay", "Play a session through emulated devices."),
     "emulate": ("drivers.cli:emulate", "A device that other programs can open."),
     "export": ("capture.cli:export_group", "Session to TUM, CSV, ROS 1 or ROS 2 bags."),

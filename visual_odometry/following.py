@@ -16,10 +16,12 @@ from visual_odometry.rectification import Eyes, Image
 
 Mask = npt.NDArray[np.bool_]
 _WINDOW = (13, 13)
-_LEVELS = 2
+_LEVELS = 3
 _FOLLOWED = 160
 """Points that are followed over the pyramids; the others' places follow from the motion."""
 _NEAREST_M = 0.05
+_OTHER_EXPOSURE = 1.15
+"""Ratio of median brightness from which on it is not only another view."""
 _FLOOR_BAND_M = 0.03
 """Points this near to the floor's height lie on it; the others on something upright."""
 
@@ -39,12 +41,27 @@ class EyePair:
         import cv2
 
         halves = [
-            np.asarray(
-                cv2.resize(eye, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), np.uint8
-            )
-            for eye in (left, right)
+            np.asarray(cv2.resize(e, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), np.uint8)
+            for e in (left, right)
         ]
         return cls(left, right, *halves)
+
+    def halves_exposed_as(self, other: EyePair) -> tuple[Image, Image]:
+        """Both halves, brought to the brightness of another pair where that is another.
+
+        Following compares grey levels themselves, and automatic exposure changes them.
+        """
+        import cv2
+
+        own, theirs = (float(np.median(one.half_left[::4, ::4])) for one in (self, other))
+        gain = max(theirs, 1.0) / max(own, 1.0)
+        if 1.0 / _OTHER_EXPOSURE < gain < _OTHER_EXPOSURE:
+            return self.half_left, self.half_right
+        left, right = (
+            np.asarray(cv2.convertScaleAbs(half, alpha=gain), np.uint8)
+            for half in (self.half_left, self.half_right)
+        )
+        return left, right
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,10 +121,11 @@ def followed(
     rows = rows[:: max(1, -(-rows.size // _FOLLOWED))]
     guess, before = guess[rows], key.seen[rows]
     target = before[:, [2, 1]]
-    left, good = _flow(key.pair.half_left, pair.half_left, before[:, :2], guess[:, :2])
+    new_left, new_right = pair.halves_exposed_as(key.pair)
+    left, good = _flow(key.pair.half_left, new_left, before[:, :2], guess[:, :2])
     beside = np.column_stack([left[:, 0] + guess[:, 2] - guess[:, 0], left[:, 1]])
-    right, also = _flow(pair.half_left, pair.half_right, left, beside)
-    back, closes = _flow(pair.half_right, key.pair.half_right, right, target)
+    right, also = _flow(new_left, new_right, left, beside)
+    back, closes = _flow(new_right, key.pair.half_right, right, target)
     good &= also & closes & (np.hypot(*(back - target).T) < config.closing_px)
     good &= np.abs(left[:, 1] - right[:, 1]) < 2.0 * config.row_px
     good &= _inside(left, pair.left) & _inside(right, pair.right)

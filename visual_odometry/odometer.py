@@ -66,6 +66,7 @@ class VisualOdometer:
         self._car = CameraOnCar(mounting, self.rectifier.turn)
         self._key: KeyFrame | None = None
         self._key_pose, self._key_covariance = _NOTHING
+        self._anchored = False  # whether what the key frame stands at follows from the one before
         self._motion: Floats = np.zeros(3)  # from the key frame to the last frame that was tracked
         self._speed: Floats = np.zeros(3)
         self._last_ns = 0
@@ -82,6 +83,7 @@ class VisualOdometer:
             return self._missed(t_ns, pair, elapsed_s, why)
         step = between(self._motion, told.pose)
         self._speed, self._motion, self._last_ns = step / elapsed_s, told.pose, t_ns
+        self._anchored = True
         pose, covariance = self._placed(told)
         seen = int(fit.inliers.sum())
         key = self._is_key(told, seen) and self._renewed(pair, pose, covariance)
@@ -95,7 +97,7 @@ class VisualOdometer:
         self._last_ns = t_ns
         key = self._renewed(pair, self._key_pose, self._key_covariance)
         state = State.START if key and not self._started else State.LOST
-        self._started |= key
+        self._started, self._anchored = self._started or key, state is State.START
         why = "" if state is State.START else "begins anew here" if key else "too few points"
         points = 0 if self._key is None else len(self._key)
         return VoFrame(t_ns, state, self._key_pose, self._key_covariance, *_NOTHING,
@@ -104,10 +106,10 @@ class VisualOdometer:
     def _missed(self, t_ns: int, pair: EyePair, elapsed_s: float, why: str) -> VoFrame:
         """Wait for the key frame to be seen again, or give it up."""
         pose, covariance = compose(self._key_pose, self._motion), self._key_covariance
-        if elapsed_s < self.config.patience_s:
+        if self._anchored and elapsed_s < self.config.patience_s:
             return VoFrame(t_ns, State.MISSED, pose, covariance, *_NOTHING, why=why)
         self._key, self._key_pose = None, pose
-        self._speed, self._motion = np.zeros(3), np.zeros(3)
+        self._motion, self._anchored = np.zeros(3), False
         begun = self._begun(t_ns, pair)
         return VoFrame(t_ns, State.LOST, pose, covariance, *_NOTHING, points=begun.points,
                        key=begun.key, why=why)  # fmt: skip

@@ -49,9 +49,13 @@ def patches_at(image: Image, points: Floats) -> Patches:
     rows, columns = at[:, 1, None, None] + grown[:, None], at[:, 0, None, None] + grown
     around = image[rows, columns].astype(np.float32)
     count = len(at)
-    values = around[:, 1:-1, 1:-1].reshape(count, -1)
-    slope_x = (around[:, 1:-1, 2:] - around[:, 1:-1, :-2]).reshape(count, -1) * np.float32(0.5)
-    slope_y = (around[:, 2:, 1:-1] - around[:, :-2, 1:-1]).reshape(count, -1) * np.float32(0.5)
+    values = around[:, 1:-1, 1:-1].reshape(count, _OFFSETS.shape[1])
+    slope_x = (around[:, 1:-1, 2:] - around[:, 1:-1, :-2]).reshape(
+        count, _OFFSETS.shape[1]
+    ) * np.float32(0.5)
+    slope_y = (around[:, 2:, 1:-1] - around[:, :-2, 1:-1]).reshape(
+        count, _OFFSETS.shape[1]
+    ) * np.float32(0.5)
     values = values - (values @ _WEIGHT)[:, None]
     # A mean that is free takes its share of the slopes.
     slope_x -= (slope_x @ _WEIGHT)[:, None]

@@ -13,8 +13,9 @@ from calibration.intrinsics import fit_intrinsics
 from calibration.stereo.sightings import PairSighting
 from geometry import Camera, Floats, StereoPair, camera_of
 
-_OWN, _POSE = 18, 6
-"""Parameters of two lenses; of a pose (turn, translation)."""
+_LENS, _POSE = 6, 6
+"""Parameters of a lens (fx, fy, cx, cy, k1, k2); of a pose (turn, translation)."""
+_OWN = 2 * _LENS
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,12 +63,17 @@ def fit_stereo(views: Sequence[PairSighting], size_px: tuple[int, int]) -> Stere
     points = [view.points_m.astype(np.float32) for view in views]
     lefts = [view.left.astype(np.float32) for view in views]
     rights = [view.right.astype(np.float32) for view in views]
-    lenses = [(one.camera.matrix, np.array(one.camera.distortion)) for one in starts]
+    # Without tangential terms and k3, as the factory has it: they would be told apart from a turn
+    # of the eye by nothing but noise.
+    lenses = [
+        (one.camera.matrix, np.array([*one.camera.distortion[:2], 0.0, 0.0, 0.0])) for one in starts
+    ]
     stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 200, 1e-12)
     try:
         _, k1, d1, k2, d2, rotation, move, _, _, turns, moves, _ = cv2.stereoCalibrateExtended(
             points, lefts, rights, *lenses[0], *lenses[1], size_px, np.eye(3), np.zeros(3),
-            flags=cv2.CALIB_USE_INTRINSIC_GUESS, criteria=stop,
+            flags=cv2.CALIB_USE_INTRINSIC_GUESS | cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3,
+            criteria=stop,
         )  # fmt: skip
     except cv2.error as err:
         raise CalibrationError(
@@ -125,32 +131,34 @@ def _residuals(
 ) -> tuple[tuple[Floats, ...], Floats]:
     """Residuals of each view, and the covariance (6, 6) of the pair's turn and translation.
 
-    The inverse of J^T J with every board's place eliminated, times the variance.
+    The sandwich over views (Liang and Zeger, 1986), every board's place eliminated: errors of one
+    view go together, as one board is bent, lit and blurred in one way.
     """
     import cv2
 
-    between = np.concatenate(
-        [np.ravel(cv2.Rodrigues(np.array(pair.rotation))[0]), pair.translation]
-    )
-    information = np.zeros((_OWN + _POSE, _OWN + _POSE))
+    turn = np.ravel(cv2.Rodrigues(np.array(pair.rotation))[0])
+    between = np.concatenate([turn, pair.translation])
+    size = _OWN + _POSE
+    information, scatter = np.zeros((size, size)), np.zeros((size, size))
     residuals = []
     for view, place in zip(views, places, strict=True):
         off, shared, own = _linearised(view, place, between, pair)
         residuals.append(off)
-        across = shared.T @ own
-        information += shared.T @ shared - across @ np.linalg.solve(own.T @ own, across.T)
-    left = np.concatenate(residuals)
-    freedom = max(left.size - _OWN - _POSE - _POSE * len(views), 1)
+        free = shared - own @ np.linalg.solve(own.T @ own, own.T @ shared)
+        pull = free.T @ np.concatenate([off[:, :2].ravel(), off[:, 2:].ravel()])
+        information += free.T @ free
+        scatter += np.outer(pull, pull)
     scale = 1.0 / np.sqrt(np.diag(information))
-    inverse = np.linalg.inv(information * scale[:, None] * scale)
-    covariance = inverse * scale[:, None] * scale * float((left**2).sum()) / freedom
+    inverse = np.linalg.inv(information * scale[:, None] * scale) * scale[:, None] * scale
+    few = len(views) / max(len(views) - size / 6.0, 1.0)
+    covariance = few * inverse @ scatter @ inverse
     return tuple(residuals), covariance[_OWN:, _OWN:]
 
 
 def _linearised(
     view: PairSighting, place: Floats, between: Floats, pair: StereoPair
 ) -> tuple[Floats, Floats, Floats]:
-    """Residuals (n, 4); slopes (4n, 24) by lenses and the pair's pose, (4n, 6) by the board's."""
+    """Residuals (n, 4); slopes (4n, 18) by lenses and the pair's pose, (4n, 6) by the board's."""
     import cv2
 
     turn, move = place[:3], place[3:]
@@ -168,7 +176,8 @@ def _linearised(
         slopes.append(np.asarray(slope))
     count = 2 * len(view.points_m)
     shared, own = np.zeros((2 * count, _OWN + _POSE)), np.zeros((2 * count, _POSE))
-    shared[:count, :9], shared[count:, 9:_OWN] = slopes[0][:, 6:15], slopes[1][:, 6:15]
+    lens = slice(_POSE, _POSE + _LENS)
+    shared[:count, :_LENS], shared[count:, _LENS:_OWN] = slopes[0][:, lens], slopes[1][:, lens]
     shared[count:, _OWN:] = slopes[1][:, :6] @ by_pair
     own[:count], own[count:] = slopes[0][:, :6], slopes[1][:, :6] @ by_board
     return np.concatenate([view.left - seen[0], view.right - seen[1]], axis=1), shared, own

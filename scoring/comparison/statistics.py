@@ -6,7 +6,7 @@ on the same n data sets, drawn together, so that pairs stay pairs.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Literal
@@ -161,3 +161,31 @@ def sign_flip_p_value(differences: Floats, how: Bootstrap) -> float | None:
     patterns = np.random.default_rng(how.seed).integers(0, 2, (how.resamples, n))
     extreme = np.sum(np.abs((2.0 * patterns - 1.0) @ differences) >= threshold)
     return float((1 + extreme) / (1 + how.resamples))
+
+
+def holm(p_values: Sequence[float | None]) -> tuple[float | None, ...]:
+    """The p values corrected for being several; None stays None and does not count.
+
+    Holm, A simple sequentially rejective multiple test procedure, Scand. J. Statist. 6, 1979.
+    """
+    known = sorted((p, place) for place, p in enumerate(p_values) if p is not None)
+    corrected: list[float | None] = [None] * len(p_values)
+    largest = 0.0
+    for rank, (p, place) in enumerate(known):
+        largest = max(largest, min(1.0, (len(known) - rank) * p))
+        corrected[place] = largest
+    return tuple(corrected)
+
+
+def share_interval(count: int, n: int, level: float = 0.95) -> Interval | None:
+    """Score interval of a share `count` of `n`; None for n = 0.
+
+    Wilson, Probable inference, the law of succession, and statistical inference, JASA 22, 1927.
+    """
+    if n == 0:
+        return None
+    z = NormalDist().inv_cdf(0.5 + level / 2.0)
+    share = count / n
+    middle = (share + z * z / (2.0 * n)) / (1.0 + z * z / n)
+    half = z / (1.0 + z * z / n) * (share * (1.0 - share) / n + z * z / (4.0 * n * n)) ** 0.5
+    return Interval(max(0.0, middle - half), min(1.0, middle + half))

@@ -34,7 +34,7 @@ def thesis_tables(comparison: Comparison) -> tuple[Table, ...]:
     p values, the correlations of pose error and Total, and where the two rank differently.
     """
     tables = [
-        _run_table(comparison, group, algorithm)
+        run_table(comparison, group, algorithm)
         for group in comparison.groups
         for algorithm in comparison.algorithms
         if group != comparison.groups[-1] or len(comparison.groups) == 1
@@ -74,7 +74,8 @@ def total_tables(comparison: Comparison) -> tuple[Table, ...]:
     return (counted, unexplained) if odd else (counted,)
 
 
-def _run_table(comparison: Comparison, group: str, algorithm: str) -> Table:
+def run_table(comparison: Comparison, group: str, algorithm: str) -> Table:
+    """Every error of every data set of one algorithm in one group: as Table 4.2 of the thesis."""
     runs = [
         run
         for run in members(comparison.runs, comparison.group_by, group)

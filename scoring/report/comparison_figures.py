@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dialogue.pages import FONT_PT, INK, PALETTE, figure_svg, series_colour, series_dash
 from scoring.comparison import COLUMNS, Comparison, Interval, Summary, members
 from scoring.comparison.tables import HEADINGS
-from scoring.report.svg import FONT_PT, INK, PALETTE, figure_svg, series_colour, series_dash
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,7 +37,7 @@ def mean_svg(comparison: Comparison, column: str) -> str:
             index = comparison.algorithms.index(summary.algorithm)
             offset = (index - (len(comparison.algorithms) - 1) / 2) * width
             x = comparison.groups.index(summary.group) + offset
-            _draw_mean(axes, x, 0.86 * width, summary, series_colour(index))
+            draw_mean(axes, x, 0.86 * width, summary, series_colour(index))
             _draw_runs(axes, x - 0.28 * width, comparison, summary, series_colour(index))
         axes.set_xticks(range(len(comparison.groups)), comparison.groups)
         axes.tick_params(axis="x", length=0)
@@ -48,7 +48,8 @@ def mean_svg(comparison: Comparison, column: str) -> str:
     return figure_svg(MEAN_SIZE_IN, draw, f"Mean {HEADINGS[column]} per group and algorithm")
 
 
-def _draw_mean(axes: Axes, x: float, width: float, summary: Summary, colour: str) -> None:
+def draw_mean(axes: Axes, x: float, width: float, summary: Summary, colour: str) -> None:
+    """A bar to the mean, a thin whisker for the spread of runs, a thick one for its interval."""
     mean = summary.mean
     assert mean is not None, "only defined means are drawn"
     axes.bar(x, mean, width, color=colour, alpha=0.25, linewidth=0)

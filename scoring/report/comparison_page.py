@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from dialogue.pages import SERIES, render, view
 from scoring.comparison import COLUMNS, Comparison
 from scoring.comparison.tables import thesis_tables
 from scoring.report.comparison_figures import correlation_svg, dataset_svg, mean_svg, ratio_svg
-from scoring.report.html import render, view
-from scoring.report.svg import SERIES
+
+TEMPLATE = Path(__file__).parent / "templates" / "comparison.html"
 
 
 def write_comparison_report(path: Path, comparison: Comparison, title: str = "Comparison") -> None:
@@ -23,7 +24,7 @@ def write_comparison_report(path: Path, comparison: Comparison, title: str = "Co
     missing = sum(run.missing for run in c.runs)
     rivals = list(dict.fromkeys(contrast.algorithm for contrast in c.contrasts))
     page = render(
-        "comparison.html",
+        TEMPLATE,
         title=title,
         subtitle=f"{len(c.runs) - missing} runs, {missing} missing, {len(c.algorithms)} algorithms",
         series=[(SERIES[i % len(SERIES)], name) for i, name in enumerate(c.algorithms)],

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dialogue.pages import INK, PALETTE, figure_svg, series_colour, series_dash
 from geometry import Floats
-from scoring.report.svg import INK, PALETTE, figure_svg, series_colour, series_dash
 from scoring.report.thinning import thin_series, with_gaps
 from scoring.result import PathErrors, Score
 

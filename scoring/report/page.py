@@ -7,11 +7,12 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from dialogue import Cell, Table
+from dialogue.pages import SERIES, render, view
 from scoring.report.curves import distribution_svg, heading_svg, position_svg, track_svg
-from scoring.report.html import render, view
 from scoring.report.scene import overlay_svg, scene_svg
-from scoring.report.svg import SERIES
 from scoring.result import ERROR_NAMES, ERROR_UNITS, MapErrors, Score
+
+TEMPLATE = Path(__file__).parent / "templates" / "score.html"
 
 TERMS: Mapping[str, tuple[str, str]] = {
     "pose": ("pose", "mean distance of the path to the truth"),
@@ -73,7 +74,7 @@ def write_report(path: Path, scores: Sequence[Score], title: str, subtitle: str 
     from capture import write_text
 
     page = render(
-        "score.html",
+        TEMPLATE,
         title=title,
         subtitle=subtitle,
         overview=_overview(scores) if len(scores) > 1 else None,

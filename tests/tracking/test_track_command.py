@@ -5,6 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from browser import Browser, faults
 from click.testing import CliRunner, Result
 from filmed_run import RATE_HZ, Run, world
 
@@ -92,6 +93,21 @@ def test_pictures_are_made(site: Path) -> None:
     assert 'src="data:image/jpeg;base64,' in page
     assert "http://" not in page.replace("http://www.w3.org", "")
     assert f"damaged: {CUT}" in page
+
+
+def test_a_browser_shows_the_page_without_a_fault(browser: Browser, site: Path) -> None:
+    assert faults(browser, site / "run" / "ground_truth" / "track.html") == []
+
+
+def test_the_page_of_a_bad_run_names_the_reasons(browser: Browser, site: Path) -> None:
+    filmed_session(site / "hidden", Run(frames=50, occluded=(22, 48)))
+    done = call("track", site / "hidden", *flags(site), "--no-clip")
+    page = site / "hidden" / "ground_truth" / "track.html"
+    shown = browser.look(page, 390).dom
+    reasons = [line.strip() for line in done.output.partition("\nbad\n")[2].splitlines()]
+    reasons = [line for line in reasons if line and line in shown]
+    assert reasons, done.output
+    assert faults(browser, page) == []
 
 
 def test_a_truth_is_replaced_only_when_asked(site: Path) -> None:

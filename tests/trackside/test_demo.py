@@ -5,11 +5,12 @@ import re
 from pathlib import Path
 
 import pytest
+from browser import Browser, faults
 from click.testing import CliRunner
 
 from dialogue import TracksideError
-from trackside import demo as module
 from trackside.demo import demo
+from trackside.shipped import example
 
 NUMBER = re.compile(r"\d+\.\d+")
 REPOSITORY = Path(__file__).parent.parent.parent
@@ -35,6 +36,13 @@ def test_the_demo_goes_the_whole_road(monkeypatch: pytest.MonkeyPatch, tmp_path:
     assert totals["robust"] < 0.5 * totals["thesis"]
     for line in readme_block():
         assert any(alike(line, other) for other in printed.splitlines()), line
+
+
+def test_a_browser_shows_its_report_without_a_fault(
+    browser: Browser, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    run_demo(monkeypatch, tmp_path)
+    assert faults(browser, tmp_path / "trackside-demo" / "report.html") == []
 
 
 def alike(shown: str, printed: str) -> bool:
@@ -75,9 +83,9 @@ def test_an_existing_folder_is_not_touched(monkeypatch: pytest.MonkeyPatch, tmp_
 
 
 def test_a_missing_example_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(module, "__file__", str(tmp_path / "trackside" / "demo.py"))
+    monkeypatch.setattr("trackside.shipped._FOLDERS", (tmp_path,))
     with pytest.raises(TracksideError, match="missing from this installation; reinstall"):
-        module._example("loop")
+        example("loop")
 
 
 def test_the_example_is_made_again_to_the_byte(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dialogue import Progress, TracksideError, UsageError
+from dialogue import Progress, TracksideError
 from dialogue.options import format_option
 from scoring.flags import GroupedCommand, options_from_flags, score_flags
 from scoring.options import PRESETS as SCORE_PRESETS
@@ -17,10 +17,10 @@ from scoring.options import PRESETS as SCORE_PRESETS
 if TYPE_CHECKING:
     from dialogue import Table
     from scoring import ScoreOptions
-    from trackside.tuning.jobs import Failure, Outcome
+    from trackside.tuning.jobs import Outcome
     from trackside.tuning.plan import Plan
     from trackside.tuning.ranking import Run, Standing
-    from trackside.tuning.workers import Runner
+    from trackside.workers import Failure
 
 _PATH = click.Path(path_type=Path)
 BEST, TABLE = "best.yaml", "table.csv"
@@ -108,11 +108,12 @@ def tune(
     trackside slam tune runs/ --parameters accept_gate=6,9,12 --algorithms ekf,fastslam --seeds 5
     trackside slam tune runs/ --parameters space.yaml --runs 200
     """  # noqa: D301  click wants the control character itself
-    from trackside.tuning.jobs import ResultStore
+    from trackside.tuning.jobs import ResultStore, attempt
     from trackside.tuning.plan import planned
     from trackside.tuning.ranking import standings, table
     from trackside.tuning.search import listed_runs, requests_of, searched, sessions_with_truth
     from trackside.tuning.space import parsed_space
+    from trackside.workers import chosen_runner
 
     base = {name: choices.pop(name) for name in ("preset", "association", "odometry", "settings")}
     options = options_from_flags(score_preset, choices)
@@ -120,7 +121,8 @@ def tune(
     opened = sessions_with_truth(sessions)
     todo = listed_runs(opened, plan, seeds, options)
     with Progress("tuning", len({run.job.key for run in todo})) as progress:
-        found = searched(todo, ResultStore(output), _runner(scheduler, jobs), progress.advance)
+        runner = chosen_runner(attempt, jobs, scheduler, "--jobs")
+        found = searched(todo, ResultStore(output), runner, progress.advance)
     ranked = standings(todo, found.results)
     ranking = table(ranked, len(opened), plan.impossible)
     failures = _failures(todo, found.results)
@@ -132,17 +134,6 @@ def tune(
         click.echo(f"next: trackside slam SESSION --preset {output / BEST}", err=True)
     if failures:
         raise TracksideError("\n".join(failures))
-
-
-def _runner(scheduler: str | None, jobs: int | None) -> Runner:
-    from trackside.tuning.workers import cores, on_cluster, on_cores, one_after_the_other
-
-    if scheduler is not None:
-        if jobs is not None:
-            raise UsageError("--jobs is for this machine; the workers of --scheduler are its own")
-        return lambda todo: on_cluster(todo, scheduler)
-    workers = jobs or cores()
-    return one_after_the_other if workers == 1 else lambda todo: on_cores(todo, workers)
 
 
 def _keep(
@@ -174,7 +165,7 @@ def _evidence(
 
 def _failures(todo: Sequence[Run], results: Mapping[str, Outcome | Failure]) -> list[str]:
     """A line for each run that gave no score, after one that counts them; at most twenty."""
-    from trackside.tuning.jobs import Failure
+    from trackside.workers import Failure
 
     lines = {}
     for run in todo:

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-import hashlib
-import importlib
 import json
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 
-from capture import LogError, Session, TextFileError, software, write_text
+from capture import LogError, Session, software, write_text
 from dialogue import TracksideError
 from scoring import ERROR_NAMES, ScoreOptions, score
 from slam.algorithms import Request, estimate_session
 from slam.session_defaults import for_session
+from trackside.fingerprints import files_digest, rooms_digest, told_libraries, values_digest
+from trackside.workers import Failure
 
 _DECIDING_ROOMS = ("geometry", "capture", "slam", "scoring")
-_DECIDING_LIBRARIES = ("numpy", "numba", "scipy")
 
 
 @dataclass(frozen=True)
@@ -38,8 +36,7 @@ class Job:
     @property
     def key(self) -> str:
         """A name that is the same exactly where the result must be; the place does not matter."""
-        text = json.dumps(self.deciding(), sort_keys=True, default=str)
-        return hashlib.sha256(text.encode()).hexdigest()[:24]
+        return values_digest(self.deciding())
 
     def deciding(self) -> dict[str, object]:
         """Everything that decides the result."""
@@ -58,13 +55,6 @@ class Outcome:
     total: float | None
     errors: Mapping[str, float | None]
     work_s: float
-
-
-@dataclass(frozen=True)
-class Failure:
-    """Why a run gave no score."""
-
-    why: str
 
 
 def run_job(job: Job) -> Outcome:
@@ -98,13 +88,7 @@ def attempt(job: Job) -> Outcome | Failure:
 @cache
 def full_software() -> str:
     """Version, the text of the rooms that decide results, and the libraries under them."""
-    digest = hashlib.sha256()
-    for room in _DECIDING_ROOMS:
-        folder = Path(str(importlib.import_module(room).__file__)).parent
-        for file in sorted(folder.rglob("*.py")):
-            digest.update(file.read_bytes())
-    libraries = ", ".join(f"{name} {version(name)}" for name in _DECIDING_LIBRARIES)
-    return f"{software()} ({digest.hexdigest()[:12]}), {libraries}"
+    return f"{software()} ({rooms_digest(_DECIDING_ROOMS)[:12]}), {told_libraries()}"
 
 
 class ResultStore:
@@ -141,13 +125,4 @@ def session_digest(session: Session) -> str:
 
     Raises `TextFileError` when a file cannot be read.
     """
-    digest = hashlib.sha256()
-    for file in session.deciding_files:
-        digest.update(f"{file.name} {file.stat().st_size}\n".encode())
-        try:
-            with file.open("rb") as stream:
-                while part := stream.read(1 << 20):
-                    digest.update(part)
-        except OSError as err:
-            raise TextFileError(f"{file}: cannot be read: {err.strerror or err}") from err
-    return digest.hexdigest()[:24]
+    return files_digest(session.deciding_files)

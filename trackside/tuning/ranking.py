@@ -10,8 +10,9 @@ import numpy as np
 from dialogue import Cell, Table
 from scoring.comparison import Bootstrap, Interval, interval, mean
 from slam.preset_file import PresetFile, text_of
-from trackside.tuning.jobs import Failure, Job, Outcome
+from trackside.tuning.jobs import Job, Outcome
 from trackside.tuning.plan import Trial
+from trackside.workers import Failure
 
 HOW = Bootstrap()
 FEWEST_SESSIONS = 3

@@ -12,10 +12,10 @@ from dialogue import UsageError
 from scoring import ScoreOptions
 from slam.algorithms import Request
 from slam.catalogue import ALGORITHMS
-from trackside.tuning.jobs import Failure, Job, Outcome, ResultStore, full_software, session_digest
+from trackside.tuning.jobs import Job, Outcome, ResultStore, full_software, session_digest
 from trackside.tuning.plan import Plan, Trial, seed_matters
 from trackside.tuning.ranking import Run
-from trackside.tuning.workers import Runner
+from trackside.workers import Failure, Runner
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def listed_runs(
 def searched(
     runs: Sequence[Run],
     store: ResultStore,
-    runner: Runner,
+    runner: Runner[Job, Outcome],
     advance: Callable[[int], None] = lambda _: None,
 ) -> Found:
     """The result of every run; what the store has is not run again, what is new it keeps at once.

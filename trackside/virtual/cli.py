@@ -30,6 +30,7 @@ _PATH = click.Path(path_type=Path)
 )
 @click.option("--site-only", is_flag=True, help="Only calibrate the camera, into the folder -o.")
 @click.option("--no-film", is_flag=True, help="No film; the car's session gets the exact truth.")
+@click.option("--no-stereo", is_flag=True, help="A car without its stereo camera.")
 @click.option(
     "--realtime",
     is_flag=True,
@@ -44,6 +45,7 @@ def simulate(
     site: Path | None,
     site_only: bool,
     no_film: bool,
+    no_stereo: bool,
     realtime: bool,
     output: Path,
 ) -> None:
@@ -67,6 +69,7 @@ def simulate(
         site=site,
         filmed=not no_film,
         realtime=realtime,
+        stereo=not no_stereo,
     )
     simulate_run(output, plan, _shown)
     click.echo(f"wrote {output}")

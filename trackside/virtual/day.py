@@ -13,6 +13,7 @@ from capture import (
     SessionInfo,
     calibration_file,
     new_folder,
+    write_calibration,
     write_yaml,
 )
 from capture.result_files import write_ground_truth
@@ -20,16 +21,14 @@ from capture.yaml_file import plain
 from dialogue import TracksideError
 from simulation.overhead_film import hung_view
 from simulation.real_time import real_time_clock, record_car_in_real_time
-from simulation.recordings import (
-    CarClock,
-    exact_truth,
-    record_car,
-    record_film,
-)
+from simulation.recordings import CarClock, exact_truth, record_car, record_film
+from simulation.stereo import told_calibration
 from simulation.world import World, world
 from tracking.scene import CarRings, ConeRings, Scene
 from trackside.virtual.morning import BOARD_VIEWS, FLOOR_PICTURES, calibrated_site
 
+ON_CAR, BESIDE_TRACK = ("stereo", "odometry", "lidar", "imu", "markers"), ("camera", "world")
+"""Kinds of calibrations that each machine's session carries."""
 COMMANDED = ("figures",)
 """Maps that are driven through the motor controller, so that its steering is on record."""
 CAR, FILM, TRUTH, CALIBRATION, SCENE = "car", "film", "truth", "calibration", "scene.yaml"
@@ -48,7 +47,8 @@ class RunPlan:
 
     site : a folder with calibrations made before, None: the camera is calibrated anew; filmed :
     without a film the exact truth becomes the ground truth of the car's session; realtime : the
-    car's devices live at real pace behind pseudo-terminals, else in simulated time.
+    car's devices live at real pace behind pseudo-terminals, else in simulated time;
+    stereo : with the ZED.
     """
 
     map: str
@@ -58,6 +58,7 @@ class RunPlan:
     site: Path | None = None
     filmed: bool = True
     realtime: bool = False
+    stereo: bool = True
 
 
 def simulate_run(folder: Path, plan: RunPlan, steps: Steps) -> None:
@@ -69,13 +70,13 @@ def simulate_run(folder: Path, plan: RunPlan, steps: Steps) -> None:
     with new_folder(folder) as partial:
         for name in (CAR, *([FILM] if plan.filmed else [])):
             (partial / name).mkdir()
-        clock = _car(partial / CAR, made, plan, steps)
+        _calibrations(partial / CALIBRATION, plan, steps)
+        clock = _car(partial, made, plan, steps)
         truth = exact_truth(made, clock)
         write_ground_truth(partial / TRUTH, truth)
         if not plan.filmed:
             Session.open(partial / CAR).write_ground_truth(truth)
             return
-        _calibrations(partial / CALIBRATION, plan.site, steps)
         write_yaml(partial / SCENE, cast("dict[str, object]", plain(scene_of(made))))
         _film(partial, made, plan, clock, steps)
 
@@ -83,7 +84,8 @@ def simulate_run(folder: Path, plan: RunPlan, steps: Steps) -> None:
 def simulate_site(folder: Path, steps: Steps) -> None:
     """Make `folder` with the calibrations of the site, for the `site` of runs."""
     with new_folder(folder) as partial:
-        _calibrations(partial, None, steps)
+        write_calibration(partial, told_calibration())
+        _calibrate_camera(partial, steps)
 
 
 def scene_of(made: World) -> Scene:
@@ -95,27 +97,40 @@ def scene_of(made: World) -> Scene:
     )
 
 
-def _calibrations(folder: Path, site: Path | None, steps: Steps) -> None:
-    folder.mkdir(exist_ok=True)
-    if site is None:
-        with steps("calibrating the camera", BOARD_VIEWS + FLOOR_PICTURES) as advance:
-            calibrated_site(folder, hung_view(), advance)
+def _calibrations(folder: Path, plan: RunPlan, steps: Steps) -> None:
+    folder.mkdir()
+    if plan.site is None:
+        write_calibration(folder, told_calibration())
+        if plan.filmed:
+            _calibrate_camera(folder, steps)
         return
-    for kind in ("camera", "world"):
-        calibration_file(site, kind)  # which tells what is missing
-    for file in sorted(site.glob("*.yaml")):
+    for kind in BESIDE_TRACK if plan.filmed else ():
+        calibration_file(plan.site, kind)  # which tells what is missing
+    for file in sorted(plan.site.glob("*.yaml")):
         (folder / file.name).write_bytes(file.read_bytes())
 
 
-def _car(folder: Path, made: World, plan: RunPlan, steps: Steps) -> CarClock:
-    commanded, seconds = plan.map in COMMANDED, made.drive.end_ns // 1_000_000_000
+def _calibrate_camera(folder: Path, steps: Steps) -> None:
+    with steps("calibrating the camera", BOARD_VIEWS + FLOOR_PICTURES) as advance:
+        calibrated_site(folder, hung_view(), advance)
+
+
+def _car(partial: Path, made: World, plan: RunPlan, steps: Steps) -> CarClock:
+    seconds = made.drive.end_ns // 1_000_000_000
     with steps("recording the car", seconds) as advance:
         clock = real_time_clock() if plan.realtime else CarClock()
         record = record_car_in_real_time if plan.realtime else record_car
         info = record(
-            made, folder, trial=plan.trial, commanded=commanded, clock=clock, advance=whole(advance)
+            made,
+            partial / CAR,
+            trial=plan.trial,
+            commanded=plan.map in COMMANDED,
+            stereo=plan.stereo,
+            clock=clock,
+            advance=whole(advance),
         )
     _refuse_bad(info, CAR, plan)
+    _keep(partial, CAR, [kind for kind in ON_CAR if plan.stereo or kind != "stereo"])
     return clock
 
 
@@ -131,13 +146,15 @@ def _film(partial: Path, made: World, plan: RunPlan, clock: CarClock, steps: Ste
             advance=whole(advance),
         )
     _refuse_bad(told, FILM, plan)
-    session = Session.open(partial / FILM)
-    for file in _calibration_files(partial / CALIBRATION, ("camera", "world")):
-        session.copy_calibration(file)
+    _keep(partial, FILM, BESIDE_TRACK)
 
 
-def _calibration_files(folder: Path, kinds: Sequence[str]) -> list[Path]:
-    return [calibration_file(folder, kind) for kind in kinds]
+def _keep(partial: Path, name: str, kinds: Sequence[str]) -> None:
+    """Copy the calibrations in force into a session."""
+    session = Session.open(partial / name)
+    for kind in kinds:
+        for file in sorted((partial / CALIBRATION).glob(f"{kind}_*.yaml"))[-1:]:
+            session.copy_calibration(file)
 
 
 def whole(advance: Callable[[int], None]) -> Callable[[float], None]:

@@ -8,8 +8,13 @@ import pytest
 
 from scoring.comparison import Bootstrap, Comparison, Runs, compare, read_runs, with_totals
 from scoring.comparison.thesis import (
+    DATASETS,
+    MEANS,
+    PEARSON,
+    POSE_COUNTS_FALSE_RANKS,
     PRINTED_DISAGREEMENTS,
     PRINTED_RATIOS,
+    TOTAL_RATIO,
     agrees_with_print,
     check_totals,
 )
@@ -129,3 +134,22 @@ def test_ranks_disagree_on_four_data_sets_not_three(
         assert len(found.rankings) == 26
         assert odd - set(PRINTED_DISAGREEMENTS) == {("loop", "Low-3")}
         assert set(PRINTED_DISAGREEMENTS) < odd
+
+
+@pytest.mark.realdata
+def test_the_facts_that_reports_show_are_those_of_the_tables(printed: Runs) -> None:
+    corrected = compare(with_totals(printed, "eq-3.1"))
+    for s in corrected.summaries:
+        assert MEANS[s.group][s.algorithm].weighted[s.column] == pytest.approx(s.mean, abs=6e-4)
+    assert MEANS["all"]["ekf"].missed + MEANS["all"]["ekf"].false == pytest.approx(7.46, abs=0.01)
+    for c in corrected.correlations:
+        if c.group == "all":
+            assert c.pearson_interval is not None
+            ends = (c.pearson_interval.low, c.pearson_interval.high)
+            assert PEARSON[c.algorithm] == pytest.approx((c.pearson, *ends), abs=6e-4)
+    total = next(c for c in corrected.contrasts if (c.group, c.column) == ("all", "total"))
+    assert total.interval is not None
+    found = (total.ratio, total.interval.low, total.interval.high)
+    assert found == pytest.approx(TOTAL_RATIO, abs=6e-4)
+    assert len(corrected.rankings) == DATASETS
+    assert sum(r.disagrees for r in corrected.rankings) == POSE_COUNTS_FALSE_RANKS

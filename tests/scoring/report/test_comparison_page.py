@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
+from browser import Browser, faults
 
 from scoring.comparison import COLUMNS, Bootstrap, Comparison, Run, Runs, compare
 from scoring.report import write_comparison_report
@@ -49,6 +50,11 @@ def test_it_needs_nothing_else_and_repeats_itself(tmp_path: Path) -> None:
     page = written(tmp_path, FULL)
     assert not re.search(r"https?:|<script|<link|<img|@import", page)
     assert written(tmp_path, FULL) == page
+
+
+def test_a_browser_shows_it_without_a_fault(browser: Browser, tmp_path: Path) -> None:
+    written(tmp_path, FULL)
+    assert faults(browser, tmp_path / "compare.html") == []
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from browser import Browser, faults
 from report_scores import (
     make_path,
     make_score,
@@ -17,10 +18,10 @@ from report_scores import (
     without_path,
 )
 
+from dialogue.pages import UNDEFINED
 from geometry import LandmarkMap
 from scoring import MapErrors, Score
 from scoring.report import write_report
-from scoring.report.html import UNDEFINED
 
 VOID = {"meta", "br", "hr", "img", "input", "link"}
 
@@ -66,6 +67,23 @@ def test_numbers_that_matter_stand_in_it(tmp_path: Path) -> None:
     assert "2 missed" in text
     assert "11 21 0.100 paired" in text
     assert f"{UNDEFINED} 23 {UNDEFINED} false" in text
+
+
+@pytest.mark.parametrize(
+    "scores",
+    [
+        [make_score()],
+        [make_score(f"a_search_with_a_name_that_does_not_want_to_end_{i}") for i in range(5)],
+        [without_map(make_score()), without_path(make_score())],
+        [without_anything(make_score())],
+    ],
+    ids=["one", "five with long names", "without map, without path", "without anything"],
+)
+def test_a_browser_shows_it_without_a_fault(
+    browser: Browser, tmp_path: Path, scores: list[Score]
+) -> None:
+    written(tmp_path, *scores)
+    assert faults(browser, tmp_path / "report.html") == []
 
 
 def test_it_needs_nothing_else(tmp_path: Path) -> None:

@@ -15,7 +15,6 @@ from dialogue import TracksideError, UsageError
 from scoring import ScoreOptions
 from slam.algorithms import Request
 from trackside.tuning.jobs import (
-    Failure,
     Job,
     Outcome,
     ResultStore,
@@ -27,9 +26,14 @@ from trackside.tuning.plan import planned
 from trackside.tuning.ranking import Run, best_preset, standings, table
 from trackside.tuning.search import listed_runs, searched, sessions_with_truth
 from trackside.tuning.space import parsed_space
-from trackside.tuning.workers import on_cluster, on_cores, one_after_the_other
+from trackside.workers import Failure, on_cluster, on_cores
+from trackside.workers import one_after_the_other as all_in_turn
 
 OPTIONS = ScoreOptions()
+
+
+def one_after_the_other(jobs: Sequence[Job]) -> Iterator[tuple[Job, Outcome | Failure]]:
+    return all_in_turn(jobs, attempt)
 
 
 @pytest.fixture
@@ -162,7 +166,7 @@ def test_cores_and_one_after_the_other_give_the_same(sessions: Path) -> None:
     jobs = [run.job for run in runs]
     assert len({job.key for job in jobs}) == 12
     serial = {job.key: result for job, result in one_after_the_other(jobs)}
-    parallel = {job.key: result for job, result in on_cores(jobs, 2)}
+    parallel = {job.key: result for job, result in on_cores(jobs, 2, attempt)}
     assert values(parallel) == values(serial)
     assert all(isinstance(result, Outcome) for result in serial.values())
     assert "OPENBLAS_NUM_THREADS" not in os.environ or os.environ["OPENBLAS_NUM_THREADS"] != "1"
@@ -197,7 +201,9 @@ def test_a_cluster_gives_the_same(sessions: Path) -> None:
         n_workers=2, processes=False, protocol="tcp", dashboard_address=None
     ) as cluster:
         assert cluster.scheduler_address.startswith("tcp://")
-        found = {job.key: result for job, result in on_cluster(jobs, cluster.scheduler_address)}
+        found = {
+            job.key: result for job, result in on_cluster(jobs, cluster.scheduler_address, attempt)
+        }
     serial = {job.key: result for job, result in one_after_the_other(jobs)}
     assert values(found) == values(serial)
 
@@ -205,14 +211,14 @@ def test_a_cluster_gives_the_same(sessions: Path) -> None:
 def test_without_the_extra_the_remedy_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "distributed", None)
     with pytest.raises(UsageError, match=r"pip install 'trackside\[cluster\]'"):
-        list(on_cluster([], "tcp://localhost:1"))
+        list(on_cluster([], "tcp://localhost:1", attempt))
 
 
 def test_a_scheduler_that_does_not_answer_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr("trackside.tuning.workers.CONNECT_S", 0.3)
+    monkeypatch.setattr("trackside.workers.CONNECT_S", 0.3)
     with pytest.raises(TracksideError, match=r"no scheduler answered.*dask scheduler"):
-        list(on_cluster([], "tcp://127.0.0.1:9"))
+        list(on_cluster([], "tcp://127.0.0.1:9", attempt))
 
 
 def test_sessions_without_truth_are_all_named(tmp_path: Path) -> None:

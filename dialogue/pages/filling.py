@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from dialogue import Cell, Table
+from dialogue.table import Cell, Table
 
-TEMPLATES = Path(__file__).parent / "templates"
+SHARED = Path(__file__).parent / "templates"
+"""`page.html` (the head and style, to extend), `parts.html` (tables, remarks, legends)."""
 
 UNDEFINED = "\N{EN DASH}"
 """What stands for a value that does not exist."""
@@ -16,13 +17,16 @@ LONG_TABLE = 20
 """A table with more rows than this is folded."""
 
 
-def render(template: str, **values: object) -> str:
-    """The page of a template; everything is escaped except what passes the filter `svg`."""
+def render(template: Path, **values: object) -> str:
+    """The page of a template, which may use its neighbours and those of `SHARED`.
+
+    Everything is escaped except what passes the filter `svg`.
+    """
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup
 
     environment = Environment(
-        loader=FileSystemLoader(TEMPLATES),
+        loader=FileSystemLoader([template.parent, SHARED]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -32,7 +36,7 @@ def render(template: str, **values: object) -> str:
     environment.filters["number"] = number
     # Figures are made by `figure_svg` alone, which escapes the only text from outside.
     environment.filters["svg"] = Markup
-    return environment.get_template(template).render(**values)
+    return environment.get_template(template.name).render(**values)
 
 
 def view(table: Table) -> dict[str, object]:

@@ -29,6 +29,8 @@ PALETTE: Mapping[str, str] = MappingProxyType(
         "series4": "#56707f",
         "missed": "#aa3c87",
         "false": "#d55e00",
+        "driven": "#2e9e4f",
+        "odometry": "#c8102e",
     }
 )
 """CSS variable -> code it is drawn with; hues after Okabe & Ito, Color Universal Design, 2008."""
@@ -104,7 +106,9 @@ def _inlined(figure: Figure, description: str) -> str:
     head, body = text.split(">", 1)
     view_box = re.search(r'viewBox="[^"]*"', head)
     assert view_box is not None, "matplotlib writes a viewBox"
-    return f'<svg {view_box[0]} role="img" aria-label="{escape(description)}">{body.strip()}'
+    # How large its letters come out is for the style to bound: it knows the figure's inches.
+    wide = f'style="--inches: {figure.get_figwidth():.4g}"'
+    return f'<svg {view_box[0]} {wide} role="img" aria-label="{escape(description)}">{body.strip()}'
 
 
 def _compact(tag: str) -> str:

@@ -6,7 +6,7 @@ import re
 import xml.etree.ElementTree as ET
 from typing import TYPE_CHECKING
 
-from scoring.report.svg import PALETTE, figure_svg, series_colour, series_dash
+from dialogue.pages import PALETTE, figure_svg, series_colour, series_dash
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

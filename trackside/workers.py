@@ -8,16 +8,29 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TypeVar
 
 from dialogue import TracksideError, UsageError
-from trackside.tuning.jobs import Failure, Job, Outcome, attempt
 
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a job gave no result."""
+
+    why: str
+
+
+Job = TypeVar("Job")
+Outcome = TypeVar("Outcome")
 Work = Callable[[Job], Outcome | Failure]
+"""Does a job and raises nothing; both can be sent to another process."""
 Done = Iterator[tuple[Job, Outcome | Failure]]
-Runner = Callable[[Sequence[Job]], Done]
+Runner = Callable[[Sequence[Job]], Done[Job, Outcome]]
 """Runs jobs and gives each with its outcome, in the order in which they are done."""
 
-_ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "OMP", "MKL", "NUMBA")}
+ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "OMP", "MKL", "NUMBA")}
+"""Environment of a process that is one of many on a machine."""
 CONNECT_S = 10
 
 
@@ -26,13 +39,30 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def one_after_the_other(jobs: Sequence[Job]) -> Done:
+def chosen_runner(
+    work: Work[Job, Outcome], workers: int | None, scheduler: str | None, flag: str
+) -> Runner[Job, Outcome]:
+    """The runner that a command's words ask for; `flag` names the one that gives `workers`.
+
+    None for both: all cores of this machine. Raises `UsageError` where both are given.
+    """
+    if scheduler is not None:
+        if workers is not None:
+            raise UsageError(f"{flag} is for this machine; the workers of --scheduler are its own")
+        return lambda jobs: on_cluster(jobs, scheduler, work)
+    count = workers or cores()
+    if count == 1:
+        return lambda jobs: one_after_the_other(jobs, work)
+    return lambda jobs: on_cores(jobs, count, work)
+
+
+def one_after_the_other(jobs: Sequence[Job], work: Work[Job, Outcome]) -> Done[Job, Outcome]:
     """All in this process."""
     for job in jobs:
-        yield job, attempt(job)
+        yield job, work(job)
 
 
-def on_cores(jobs: Sequence[Job], workers: int, work: Work = attempt) -> Done:
+def on_cores(jobs: Sequence[Job], workers: int, work: Work[Job, Outcome]) -> Done[Job, Outcome]:
     """In processes of their own, which each use one thread.
 
     A job that ends its process (out of memory, a crash in a library) is a failure of its own: what
@@ -53,13 +83,13 @@ def on_cores(jobs: Sequence[Job], workers: int, work: Work = attempt) -> Done:
             finally:
                 pool.shutdown(wait=False, cancel_futures=True)
             # Jobs are begun in their order; a pool holds some more than it has processes.
-            left = [job for job in waiting if job in set(unfinished)]
+            left = [job for job in waiting if any(job is one for one in unfinished)]
             at_hand = left[: 2 * workers + 1]
             waiting = left[len(at_hand) :]
             yield from ((job, _alone(job, work)) for job in at_hand)
 
 
-def on_cluster(jobs: Sequence[Job], address: str) -> Done:
+def on_cluster(jobs: Sequence[Job], address: str, work: Work[Job, Outcome]) -> Done[Job, Outcome]:
     """On the workers of a dask scheduler; they must see the sessions under the same paths.
 
     Raises `UsageError` without the extra `cluster`, `TracksideError` when no scheduler answers.
@@ -79,14 +109,14 @@ def on_cluster(jobs: Sequence[Job], address: str) -> Done:
             "address as tcp://10.0.0.5:8786 that dask scheduler prints"
         ) from err
     with client:
-        futures = {client.submit(attempt, job, pure=False): job for job in jobs}
+        futures = {client.submit(work, job, pure=False): job for job in jobs}
         for future in as_dask_completes(futures):  # type: ignore[no-untyped-call]  # dask's
             error = future.exception()
             told = Failure(f"the worker: {type(error).__name__}: {error}") if error else None
             yield futures[future], told or future.result()
 
 
-def _alone(job: Job, work: Work) -> Outcome | Failure:
+def _alone(job: Job, work: Work[Job, Outcome]) -> Outcome | Failure:
     pool = _pool(1)
     try:
         future: Future[Outcome | Failure] = pool.submit(work, job)
@@ -104,8 +134,8 @@ def _pool(workers: int) -> ProcessPoolExecutor:
 @contextmanager
 def _one_thread_each() -> Iterator[None]:
     """Processes that start within use one thread each, as all cores are taken."""
-    before = {name: os.environ.get(name) for name in _ONE_THREAD}
-    os.environ.update(_ONE_THREAD)
+    before = {name: os.environ.get(name) for name in ONE_THREAD}
+    os.environ.update(ONE_THREAD)
     try:
         yield
     finally:
