@@ -64,7 +64,9 @@ _PATH = click.Path(path_type=Path)
 @click.option("--start-heading", type=float, metavar="DEG", help="Of the car, to 60 degrees.")
 @click.option("--no-clip", is_flag=True, help="Make no MP4, which takes as long as tracking.")
 @format_option()
+@click.pass_context
 def join(
+    ctx: click.Context,
     car: Path,
     film: Path,
     output: Path | None,
@@ -83,7 +85,8 @@ def join(
     The clocks are told by the data: gyro and wheels against the filmed car. What the machines said
     over the network is compared with it. FILM is tracked unless it has its ground truth already.
     The logs are taken as they are, byte for byte; estimates and scores of CAR are not taken along.
-    Nothing is made when the motion does not tell the clocks or anything contradicts it.
+    Nothing is made when the motion does not tell the clocks or anything contradicts it. Exit code 1
+    when the ground truth is bad; it is written with its verdict all the same.
     """
     from calibration.clocks.joining import clock_of, motions_of, write_joined
     from capture import Session, check_parts, read_peer_clock
@@ -116,6 +119,7 @@ def join(
         click.echo("\n".join(tracked.summary), err=True)
     click.echo(f"wrote {target}; look at its join.png", err=True)
     click.echo(f"next: trackside slam {target}", err=True)
+    ctx.exit(1 if truth.provenance.get("verdict") == "bad" else 0)
 
 
 def join_table(joining: Joining, title: str) -> Table:

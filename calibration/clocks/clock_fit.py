@@ -186,9 +186,7 @@ def _fitted(car: CarMotion, film: FilmedMotion, seen: Seen, clear: Correlation) 
     if found is None or seen.reasons:
         return seen
     guess = clear if seen.silent else found
-    counts = car.source == "wheels" and abs(math.log(max(found.scale, 1e-9))) > math.log(1.3)
-    # Counts, of which nobody said how long they are.
-    fit = fit_level(car, film, guess.offset_ns, found.scale if counts else 1.0)
+    fit = fit_level(car, film, guess.offset_ns, 1.0 if car.scale_known else found.scale)
     if fit is None:
         return replace(seen, silent=f"{car.source}: less than a second overlaps")
     too_far = fit.residual_rms > MOST_RESIDUAL[car.source] or fit.wander > MOST_WANDER[car.source]

@@ -166,7 +166,8 @@ def clock_of(
     peers = (*car.info.peer_clocks, *film.info.peer_clocks, *peers)
     network, remarks = network_offset(car.info, film.info, peers, fit.ref_ns)
     comparison = None if network is None else compared(fit, network, _delay(film, place))
-    return Joining(fit, network, comparison, (*fit.remarks, *remarks), trust_data)
+    notes = (*_told_apart(car, film), *fit.remarks, *remarks)
+    return Joining(fit, network, comparison, notes, trust_data)
 
 
 def write_joined(
@@ -198,6 +199,22 @@ def write_joined(
         record = fit_record(joining.fit, joining.network, joining.comparison)
         write_yaml(made.folder / "join.yaml", record)
         write_join_picture(made.folder / "join.png", joining.fit, f"{car.name} and {film.name}")
+
+
+def _told_apart(car: Session, film: Session) -> tuple[str, ...]:
+    """What the two sessions say of themselves that should make one look twice."""
+    notes = [
+        f"{name}: the car's session says {mine!r}, the film's {theirs!r}"
+        for name in ("map", "power", "trial")
+        for mine, theirs in [(getattr(car.info, name), getattr(film.info, name))]
+        if mine and theirs and mine != theirs
+    ]
+    notes += [
+        f"the recording of {one.name} is bad: {one.info.verdict_reason}"
+        for one in (car, film)
+        if one.info.verdict == "bad"
+    ]
+    return tuple(notes)
 
 
 def _wheels(car: Session) -> CarMotion | None:

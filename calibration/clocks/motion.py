@@ -33,13 +33,14 @@ class CarMotion:
     """What a sensor on the car tells of its motion, on the car's clock.
 
     t_ns : (n,); level : (n,) angle turned in rad, counter-clockwise, or distance in m, forward;
-    rate : (n,) its slope, rad/s or m/s.
+    rate : (n,) its slope, rad/s or m/s. scale_known : whether it is in these units, about.
     """
 
     source: Source
     t_ns: Stamps
     level: Floats
     rate: Floats
+    scale_known: bool = True
 
     @cached_property
     def piece(self) -> npt.NDArray[np.int64]:
@@ -90,7 +91,8 @@ def gyro_motion(imu: Imu) -> CarMotion:
 def counted_motion(state: VescState, metres_per_count: float | None) -> CarMotion:
     """The distance that the motor controller counted; None: in counts, whose length is unknown."""
     level = (state.tachometer - state.tachometer[0]) * (metres_per_count or 1.0)
-    return CarMotion("wheels", state.t_ns, level, _slope(state.t_ns, level))
+    known = metres_per_count is not None
+    return CarMotion("wheels", state.t_ns, level, _slope(state.t_ns, level), known)
 
 
 def odometry_motion(odometry: Odometry) -> CarMotion:

@@ -35,7 +35,7 @@ def write_join_picture(file: Path, fit: ClockFit, title: str) -> None:
     grid = figure.subplots(4, len(shown), squeeze=False)
     for column, seen in enumerate(shown):
         assert seen.fit is not None
-        _draw_level(grid[0, column], seen.fit)
+        _draw_level(grid[0, column], seen.fit, "alone" if seen.is_used else "not used")
         _draw_residual(grid[1, column], seen.fit)
         _draw_rate(grid[2, column], seen.fit)
         _draw_correlation(grid[3, column], seen)
@@ -46,14 +46,14 @@ def write_join_picture(file: Path, fit: ClockFit, title: str) -> None:
     figure.savefig(file, dpi=100)
 
 
-def _draw_level(axes: Axes, fit: LevelFit) -> None:
+def _draw_level(axes: Axes, fit: LevelFit, word: str) -> None:
     name, unit, *_ = _UNITS[fit.source]
     axes.plot(fit.t_s, unit * fit.filmed, ".", color=_FILM, markersize=3.5, label="film")
     told = _torn(fit, unit * (fit.filmed - fit.residual))
     axes.plot(fit.t_s, told, color=_CAR, linewidth=1.2, label=f"{fit.source}, fitted")
     axes.set_ylabel(name)
     axes.set_title(
-        f"{fit.source} alone: {1e3 * fit.sigma_offset_s:.2f} ms, scale {fit.scale[0]:.4f}",
+        f"{fit.source} {word}: {1e3 * fit.sigma_offset_s:.2f} ms, scale {fit.scale[0]:.4f}",
         fontsize=10,
     )
     axes.legend(fontsize=8, frameon=False)

@@ -133,7 +133,7 @@ def _summarise(recorder: Recorder) -> None:
     if "overhead" in recorder.info.devices:
         click.echo(f"next: trackside join CAR {recorder.folder}")
     else:
-        click.echo(f"next: trackside join {recorder.folder} FILM, or trackside slam alone")
+        click.echo(f"next: trackside join {recorder.folder} FILM; without a film trackside slam")
 
 
 @click.command("check")

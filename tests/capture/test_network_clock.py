@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import signal
 import socket
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -149,6 +152,24 @@ def test_hosts_and_ports() -> None:
     for wrong in (":5", "laptop:", "laptop:x", "laptop:70000"):
         with pytest.raises(ValueError, match="HOST"):
             host_and_port(wrong)
+
+
+def test_serve_answers_until_it_is_asked_to_end() -> None:
+    with closing(opened_server(0, "127.0.0.1")) as free:
+        port = int(free.getsockname()[1])
+    command = [sys.executable, "-m", "trackside", "clock", "serve", "--port", str(port)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert f"UDP port {port}" in process.stdout.readline()
+        told = ask(f"127.0.0.1:{port}", 0.3, HERE)
+        process.send_signal(signal.SIGINT)
+        said, _ = process.communicate(timeout=20)
+    assert process.returncode == 0
+    assert "asked by 127.0.0.1" in said
+    assert f"{told.answers} questions answered" in said
+    # One machine, one clock.
+    assert abs(told.offset_monotonic_ns) <= told.uncertainty_ns
+    assert told.boot_id == told.own_boot_id
 
 
 def test_ask_prints_a_table_and_keeps_the_answer(tmp_path: Path) -> None:

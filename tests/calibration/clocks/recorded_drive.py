@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from synthetic_drives import METRES_PER_COUNT, Drive
@@ -49,9 +51,14 @@ def car_session(folder: Path, drive: Drive, info: SessionInfo | None = None) -> 
     return folder
 
 
-def film_session(folder: Path, drive: Drive, info: SessionInfo | None = None) -> Path:
+def film_session(
+    folder: Path,
+    drive: Drive,
+    info: SessionInfo | None = None,
+    provenance: Mapping[str, object] | None = None,
+) -> Path:
     """A film that was tracked: a few pictures, and the truth on the film's clock."""
-    truth = drive.truth()
+    truth = replace(drive.truth(), provenance=provenance or {})
     usual = SessionInfo(map="eight", devices={"overhead": {"card": "toy"}}, verdict="good")
     with Session.create(folder, info or usual) as writer:
         writer.add_ground_truth(truth)

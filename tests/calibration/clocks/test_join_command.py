@@ -107,6 +107,20 @@ def test_the_film_of_another_run_makes_nothing(site: Path, tmp_path: Path) -> No
     assert not (tmp_path / "joined").exists()
 
 
+def test_what_should_make_one_look_twice_is_noted(tmp_path: Path) -> None:
+    words = SessionInfo(map="turn", trial=3, configuration={"rig": RIG})
+    car_session(tmp_path / "car", DRIVE, words)
+    bad = SessionInfo(map="loop", trial=3, verdict="bad", verdict_reason="overhead: silent")
+    film_session(tmp_path / "film", DRIVE, bad, {"verdict": "bad"})
+    done = call("join", tmp_path / "car", tmp_path / "film")
+    assert "note: map: the car's session says 'turn', the film's 'loop'" in done.output
+    assert "note: the recording of film is bad: overhead: silent" in done.output
+    assert "trial" not in done.output
+    # The truth of the film was bad, and is so in the joined session.
+    assert done.exit_code == 1
+    assert Session.open(tmp_path / "car_joined").ground_truth().provenance["verdict"] == "bad"
+
+
 def test_a_car_without_gyro_and_wheels_is_refused(site: Path, tmp_path: Path) -> None:
     with Session.create(tmp_path / "car", SessionInfo()):
         pass

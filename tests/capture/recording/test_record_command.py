@@ -6,9 +6,10 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import cv2
@@ -19,6 +20,7 @@ from rosbags.highlevel import AnyReader
 
 from capture.errors import LogError
 from capture.log_reader import McapLog
+from capture.network_clock import opened_server, serve
 from capture.recording.replay import recorded_chunks
 from capture.session import Session
 from drivers import DeviceModel, PtyEmulator
@@ -222,6 +224,38 @@ def test_a_full_disk_ends_the_recording_and_keeps_what_was_written(rig: Rig) -> 
 
 
 RESERVE = "recording:\n  disk_reserve_mb: 0\n"
+
+
+def test_a_recording_asks_the_clock_of_the_laptop_at_its_start_and_at_its_end(rig: Rig) -> None:
+    ended = threading.Event()
+    with closing(opened_server(0, "127.0.0.1")) as server:
+        thread = threading.Thread(target=serve, args=(server, ended.is_set))
+        thread.start()
+        asked = f"recording:\n  clock_server: 127.0.0.1:{server.getsockname()[1]}\n"
+        rig.file.write_text(rig.file.read_text().replace("recording:\n", asked))
+        words = ["--without", "lidar", "--without", "razor", "--seconds", "1.5"]
+        out, err = rig.record(*words).communicate(timeout=30)
+        ended.set()
+        thread.join()
+    assert "verdict: good" in out, err
+    (folder,) = rig.sessions()
+    info = Session.open(folder).info
+    first, last = info.peer_clocks
+    assert last.monotonic_ns > first.monotonic_ns
+    for told in info.peer_clocks:
+        assert abs(told.offset_monotonic_ns) <= told.uncertainty_ns
+        assert told.boot_id == told.own_boot_id == info.boot_id != ""
+
+
+def test_a_clock_server_that_is_silent_spoils_nothing_and_is_told(rig: Rig) -> None:
+    with closing(opened_server(0, "127.0.0.1")) as silent:
+        asked = f"recording:\n  clock_server: 127.0.0.1:{silent.getsockname()[1]}\n"
+        rig.file.write_text(rig.file.read_text().replace("recording:\n", asked))
+        words = ["--without", "lidar", "--without", "razor", "--seconds", "2.5"]
+        out, err = rig.record(*words).communicate(timeout=30)
+    assert "verdict: good" in out, err
+    assert "clock: 127.0.0.1" in out
+    assert "does trackside clock serve run there" in out
 
 
 def test_old_footage_becomes_a_film_and_ends_by_itself(tmp_path: Path) -> None:
