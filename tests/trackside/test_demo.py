@@ -5,7 +5,6 @@ import re
 from pathlib import Path
 
 import pytest
-from browser import Browser, faults
 from click.testing import CliRunner
 
 from dialogue import TracksideError
@@ -36,13 +35,6 @@ def test_the_demo_goes_the_whole_road(monkeypatch: pytest.MonkeyPatch, tmp_path:
     assert totals["robust"] < 0.5 * totals["thesis"]
     for line in readme_block():
         assert any(alike(line, other) for other in printed.splitlines()), line
-
-
-def test_a_browser_shows_its_report_without_a_fault(
-    browser: Browser, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    run_demo(monkeypatch, tmp_path)
-    assert faults(browser, tmp_path / "trackside-demo" / "report.html") == []
 
 
 def alike(shown: str, printed: str) -> bool:
