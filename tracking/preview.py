@@ -95,7 +95,9 @@ def _annotated(
         place = _pixel(result.tracks.pixels[row, k])
         cv2.drawMarker(picture, place, colour, cv2.MARKER_CROSS, 12 * wide, wide, cv2.LINE_AA)
         words = name.removeprefix("marker_").removeprefix("cone ")
-        corner = (place[0] + 24 * wide, place[1] - 16 * wide)
+        # The car's two rings are close together: one name above, one below.
+        down = 36 if name == REAR else -16
+        corner = (place[0] + 24 * wide, place[1] + down * wide)
         _write(picture, words, corner, wide)
     return picture
 
