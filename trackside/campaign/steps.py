@@ -68,7 +68,7 @@ def join(place: Place) -> None:
     """One session of car and film, on the clock of the car."""
     _clear(place.session)
     car, film, scene = (place.folder / name for name in ("car", "film", "scene.yaml"))
-    command(place, "join", car, film, "-o", place.session, "--scene", scene)
+    command(place, "join", car, film, "-o", place.session, "--scene", scene, "--no-clip")
 
 
 def track(place: Place) -> None:
@@ -148,7 +148,7 @@ CLEARING = frozenset({"simulate", "join"})
 ROOMS: Mapping[str, tuple[str, ...]] = {
     "calibrate": ("geometry", "capture", "simulation", "calibration", "trackside.virtual"),
     "simulate": ("geometry", "drivers", "capture", "simulation", "trackside.virtual"),
-    "join": ("geometry", "capture", "tracking"),
+    "join": ("geometry", "capture", "tracking", "calibration"),
     "track": ("geometry", "capture", "tracking"),
     "vo": ("geometry", "capture", "visual_odometry"),
     "slam": ("geometry", "capture", "slam"),
