@@ -171,6 +171,7 @@ def test_no_file_knows_the_machine_it_was_written_on() -> None:
         "scoring",
         "simulation",
         "tracking",
+        "visual_odometry",
     ],
 )
 def test_a_room_opens_without_heavy_imports(room: str) -> None:

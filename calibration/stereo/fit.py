@@ -68,7 +68,7 @@ def fit_stereo(views: Sequence[PairSighting], size_px: tuple[int, int]) -> Stere
     lenses = [
         (one.camera.matrix, np.array([*one.camera.distortion[:2], 0.0, 0.0, 0.0])) for one in starts
     ]
-    stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 200, 1e-12)
+    stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 100, 1e-10)
     try:
         _, k1, d1, k2, d2, rotation, move, _, _, turns, moves, _ = cv2.stereoCalibrateExtended(
             points, lefts, rights, *lenses[0], *lenses[1], size_px, np.eye(3), np.zeros(3),
