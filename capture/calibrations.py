@@ -1,7 +1,8 @@
-"""The calibrations of the overhead camera as files: dated, never overwritten, read back whole.
+"""The calibrations as files: dated, never overwritten, read back whole.
 
-`camera_DATE.yaml` is the inside of a camera, `world_DATE.yaml` its place above the floor. Both say
-how they were made, how far off each measurement was, and whether they were accepted.
+`camera_DATE.yaml` is the inside of a camera, `world_DATE.yaml` its place above the floor, those of
+the car are lists of parameters (`MeasuredCalibration`). All say how they were made, what was left
+over, and whether they were accepted. `KINDS` is the table of all of them.
 """
 
 from __future__ import annotations
@@ -130,8 +131,67 @@ class WorldCalibration:
         return np.array(self.covariance)
 
 
-Calibration: TypeAlias = CameraCalibration | WorldCalibration
+@dataclass(frozen=True)
+class Parameter:
+    """One number that was calibrated; its name tells the unit.
+
+    sigma : standard deviation, None where nothing is claimed. source : "data", or in words what
+    else it rests on (a tape measure, a prior, the rig).
+    """
+
+    name: str
+    value: float
+    sigma: float | None = None
+    source: str = "data"
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredCalibration:
+    """The content of `odometry_DATE.yaml`, `imu_DATE.yaml`, `lidar_DATE.yaml`, `markers_DATE.yaml`.
+
+    covariance : of the first parameters, in their order, as many as it has rows; residuals : what
+    was left over, names with units; how : sources, options, limits. Raises `ValueError` for another
+    format or a covariance that does not fit.
+    """
+
+    format: int = FORMAT
+    kind: Literal["odometry", "imu", "lidar", "markers"]
+    made_utc: str
+    accepted: bool
+    reasons: tuple[str, ...] = ()
+    parameters: tuple[Parameter, ...]
+    covariance: Rows = ()
+    residuals: Mapping[str, float] = field(default_factory=dict)
+    how: Mapping[str, object] = field(default_factory=dict)
+    software: str = field(default_factory=software)
+
+    def __post_init__(self) -> None:
+        _check(self.format, self.covariance, min(len(self.covariance), len(self.parameters)))
+
+    def value(self, name: str) -> float | None:
+        """The value of a parameter, None where it was not calibrated."""
+        return next((one.value for one in self.parameters if one.name == name), None)
+
+    @cached_property
+    def correlation(self) -> Floats:
+        """(k, k) of the parameters that `covariance` is of."""
+        covariance = np.array(self.covariance).reshape(len(self.covariance), -1)
+        sigma = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+        return np.asarray(covariance / np.outer(sigma, sigma))
+
+
+Calibration: TypeAlias = CameraCalibration | WorldCalibration | MeasuredCalibration
 _Kind = TypeVar("_Kind")
+
+KINDS: dict[str, type[Calibration]] = {
+    "camera": CameraCalibration,
+    "world": WorldCalibration,
+    "odometry": MeasuredCalibration,
+    "imu": MeasuredCalibration,
+    "lidar": MeasuredCalibration,
+    "markers": MeasuredCalibration,
+}
+"""Kind, which is what the name of its files begins with -> what is in them."""
 
 
 def now_utc() -> str:
@@ -165,6 +225,39 @@ def read_camera_calibration(place: Path) -> CameraCalibration:
 def read_world_calibration(place: Path) -> WorldCalibration:
     """The world of a file, or of the newest `world_*.yaml` of a folder."""
     return _read(WorldCalibration, place, "world")
+
+
+def read_measured_calibration(place: Path, kind: str) -> MeasuredCalibration:
+    """A calibration of the car, of a file or of the newest one of that kind in a folder."""
+    return _read(MeasuredCalibration, place, kind)
+
+
+def read_calibration(place: Path, kind: str) -> Calibration:
+    """A calibration of any of the `KINDS`, of a file or of the newest of a folder."""
+    return _read(KINDS[kind], place, kind)
+
+
+def kind_of(file: Path) -> str | None:
+    """What kind of calibration a file is by its name, None for any other file."""
+    kind = file.stem.rpartition("_")[0]
+    return kind if file.suffix == ".yaml" and kind in KINDS else None
+
+
+def accepted_file(folder: Path, kind: str) -> Path | None:
+    """The newest accepted calibration of a kind in a folder, None where there is none.
+
+    Raises `CalibrationFileError` for a newer file that cannot be read.
+    """
+    for file in sorted(folder.glob(f"{kind}_*.yaml"), reverse=True):
+        if kind_of(file) == kind and read_calibration(file, kind).accepted:
+            return file
+    return None
+
+
+def accepted_files(folder: Path) -> tuple[Path, ...]:
+    """The newest accepted calibration of every kind that a folder has one of."""
+    found = [accepted_file(folder, kind) for kind in KINDS]
+    return tuple(file for file in found if file is not None)
 
 
 def calibration_file(place: Path, kind: str) -> Path:

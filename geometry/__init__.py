@@ -26,7 +26,7 @@ from geometry.homography import (
 from geometry.landmarks import LandmarkMap
 from geometry.se2 import between, compose, inverse, rotate_covariance, transform_points
 from geometry.space_path import SpacePath
-from geometry.trajectory import Stamps, Trajectory
+from geometry.trajectory import Stamps, Trajectory, covers
 from geometry.uncertainty import (
     INTRINSICS,
     camera_of,
@@ -61,6 +61,7 @@ __all__ = [
     "circle_outline",
     "circular_mean",
     "compose",
+    "covers",
     "fit_homography",
     "fit_planar_view",
     "floor_covariance",

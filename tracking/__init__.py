@@ -18,11 +18,13 @@ from tracking.images import Image, grey_image
 from tracking.markers import Marker, State, TrackedFrame
 from tracking.measuring import TrackerConfig
 from tracking.rings import RingSearch, RingSightings, find_rings
+from tracking.scene import CarRings, Scene, read_scene
 from tracking.still_rings import StillRings, average_rings
 from tracking.tracker import RingTracker
 
 __all__ = [
     "CarMemory",
+    "CarRings",
     "Image",
     "ImageError",
     "Marker",
@@ -30,6 +32,7 @@ __all__ = [
     "RingSearch",
     "RingSightings",
     "RingTracker",
+    "Scene",
     "State",
     "StillRings",
     "TrackedFrame",
@@ -41,5 +44,6 @@ __all__ = [
     "grey_image",
     "heading_between",
     "pair_match",
+    "read_scene",
     "unique_matches",
 ]

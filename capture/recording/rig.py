@@ -24,12 +24,15 @@ class RecordingConfig:
     """How a recording is made.
 
     folder : where sessions go; disk_reserve_mb : the recording ends when less is left;
-    still_s : how long the car is asked to stand at the start, for the bias of the gyro.
+    still_s : how long the car is asked to stand at the start, for the bias of the gyro;
+    calibration_folder : the newest accepted calibration of each kind in it is copied into every
+    session.
     """
 
     folder: str = "sessions"
     disk_reserve_mb: int = field(default=500, metadata={"min": 0})
     still_s: float = field(default=2.0, metadata={"min": 0.0, "max": 60.0})
+    calibration_folder: str = "calibration"
 
 
 @dataclass(frozen=True, kw_only=True)
