@@ -29,10 +29,10 @@ GYRO_RMS_RAD = 0.02
 class Driven:
     """One session's samples (n,) at the stamps of the motor controller, else of the film.
 
-    t_s : from `start_ns`; xy (n, 2), heading : of the truth, the latter unwrapped; counts : of the
-    tachometer, None without one; servo_t_s, servo : raw commands (k,), empty without; pairs : (w, 2)
-    rows at the ends of the windows in which the car moved; gyro : None where the headings are the
-    film's own.
+    t_s : from `start_ns`; xy (n, 2), heading : of the truth, the latter unwrapped; counts, erpm :
+    of the motor, None without one; servo_t_s, servo : raw commands (k,), empty without; pairs :
+    (w, 2) rows at the ends of the windows in which the car moved; gyro : None where the headings
+    are the film's own.
     """
 
     name: str
@@ -60,7 +60,7 @@ class Driven:
     def turn_rad(self) -> Floats:
         """(w,) how far the car turned in each window."""
         i, j = self.pairs.T
-        return self.heading[j] - self.heading[i]
+        return np.asarray(self.heading[j] - self.heading[i])
 
     @property
     def clusters(self) -> npt.NDArray[np.int64]:
@@ -78,7 +78,8 @@ class Driven:
 def driven_of(session: Session) -> Driven:
     """The drive of a session with ground truth.
 
-    Raises `CalibrationError` where truth and log do not overlap, `MissingStreamError` without truth.
+    Raises `CalibrationError` where truth and log do not overlap, `MissingStreamError` where there
+    is no truth.
     """
     truth = session.ground_truth().path
     try:
@@ -98,7 +99,7 @@ def driven_of(session: Session) -> Driven:
     heading = np.unwrap(placed.heading) if gyro is None else gyro.heading_at(t_ns)
     start_ns = int(t_ns[0])
     servo_t_s, servo = _servo(session, start_ns)
-    t_s = (t_ns - start_ns) * 1e-9
+    t_s = np.asarray((t_ns - start_ns) * 1e-9, np.float64)
     return Driven(
         session.name,
         start_ns,
@@ -142,7 +143,8 @@ def _servo(session: Session, start_ns: int) -> tuple[Floats, Floats]:
         believed.steering_angle_to_servo_gain,
         believed.steering_angle_to_servo_offset,
     )
-    return (drive.t_ns[told] - start_ns) * 1e-9, gain * drive.steering_rad[told] + offset
+    t_s = np.asarray((drive.t_ns[told] - start_ns) * 1e-9, np.float64)
+    return t_s, gain * drive.steering_rad[told] + offset
 
 
 def _windows(t_s: Floats, placed: Trajectory) -> npt.NDArray[np.int64]:

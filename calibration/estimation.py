@@ -1,4 +1,4 @@
-"""Least squares for what a person drove: unknown noise, outliers, and rows that are not independent.
+"""Least squares for what was driven: unknown noise, outliers, rows that are not independent.
 
 Each group of rows (distances, turns, ...) gets the noise that its own residuals show, by their
 median deviation; rows far out lose their weight (Huber, then none). The covariance is that of
@@ -37,7 +37,9 @@ class Priors:
 
 @dataclass(frozen=True, eq=False)
 class RobustFit:
-    """values (p,) and covariance (p, p); residuals (n,) in their own units, weight (n,) 0 to 1;
+    """What was found.
+
+    values (p,) and covariance (p, p); residuals (n,) in their own units, weight (n,) 0 to 1;
     noise : standard deviation of each group's rows; information : (p, p) of the data alone.
     """
 
@@ -109,7 +111,7 @@ def _with_covariance(
     weight: Floats,
     noise: Floats,
 ) -> RobustFit:
-    """jacobian : (n, p) of rows over their noise."""
+    """The fit; `jacobian` (n, p) is of rows over their noise."""
     information = jacobian.T @ (weight[:, None] * jacobian)
     whole = information + priors.information
     scale = 1.0 / np.sqrt(np.maximum(np.diag(whole), 1e-300))
@@ -126,7 +128,7 @@ def _with_covariance(
 
 
 def _slopes(residuals: Callable[[Floats], Floats], values: Floats, scale: Floats) -> Floats:
-    """d residuals / d parameters (n, p), by central differences."""
+    """Slopes d residual / d parameter (n, p), by central differences."""
     steps = 1e-4 * np.diag(scale)
     return np.stack(
         [(residuals(values + h) - residuals(values - h)) / (2.0 * h.sum()) for h in steps], axis=1

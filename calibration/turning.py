@@ -84,24 +84,25 @@ def fit_gyro(truth: Trajectory, imu: Imu) -> GyroFit | None:
 def _fitted(truth: Trajectory, own_ns: Stamps, rate: Floats, known_late_s: float) -> GyroFit | None:
     """One round: linear in scale, bias, and what the delay differs from what is known of it."""
     start_ns = int(truth.t_ns[0])
-    own_s = (own_ns - start_ns) * 1e-9 - known_late_s
-    t_s, heading = (truth.t_ns - start_ns) * 1e-9, np.unwrap(truth.heading)
+    own_s = np.asarray((own_ns - start_ns) * 1e-9 - known_late_s, np.float64)
+    t_s = np.asarray((truth.t_ns - start_ns) * 1e-9, np.float64)
+    heading = np.unwrap(truth.heading)
     steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(own_s)
     turned = np.concatenate([[0.0], np.cumsum(steps)])
     knots, walk_rad = _walk(rate, own_s, t_s)
     told = [np.ones_like(own_s), turned, own_s, _smoothed(rate, own_s)]
     columns = np.column_stack([*told, knots])
-    A = np.stack([np.interp(t_s, own_s, column) for column in columns.T], axis=1)
-    if np.abs(np.diff(A[:, 1])).sum() < LEAST_TURN_RAD:
+    seen = np.stack([np.interp(t_s, own_s, column) for column in columns.T], axis=1)
+    if np.abs(np.diff(seen[:, 1])).sum() < LEAST_TURN_RAD:
         return None
     known = np.array([np.inf, np.inf, np.inf, LATE_SIGMA_S])
     sigma = np.concatenate([known, np.full(knots.shape[1], walk_rad)])
     priors = Priors(np.zeros(sigma.size), sigma)
     clusters = (t_s / CLUSTER_S).astype(np.int64)
     start = np.zeros(sigma.size)
-    start[:2] = heading[0] - A[0, 1], 1.0
+    start[:2] = heading[0] - seen[0, 1], 1.0
     groups = np.zeros(t_s.size, np.int64)
-    fit = robust_fit(lambda x: heading - A @ x, start, priors, groups, clusters)
+    fit = robust_fit(lambda x: heading - seen @ x, start, priors, groups, clusters)
     scale, drift, late = fit.values[1:4].tolist()
     # scale, bias = -drift / scale, late = column / scale.
     to = np.array(
@@ -118,7 +119,7 @@ def _fitted(truth: Trajectory, own_ns: Stamps, rate: Floats, known_late_s: float
         known_late_s + late / scale,
         to @ fit.covariance[:4, :4] @ to.T,
         float(np.sqrt(np.mean(fit.residuals[counted] ** 2))),
-        float(np.abs(np.diff(A[:, 1])).sum()),
+        float(np.abs(np.diff(seen[:, 1])).sum()),
         float(t_s[-1]),
         start_ns,
         own_s,
@@ -149,6 +150,6 @@ def without_spikes(rate: Floats) -> Floats:
 
 def _smoothed(rate: Floats, own_s: Floats) -> Floats:
     period_s = float(np.median(np.diff(own_s)))
-    width = max(int(round(_RATE_S / period_s)) | 1, 1)
+    width = max(round(_RATE_S / period_s) | 1, 1)
     padded = np.pad(rate, width // 2, mode="edge")
     return np.asarray(np.convolve(padded, np.ones(width) / width, mode="valid"))

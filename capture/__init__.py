@@ -6,9 +6,9 @@ landmark tables. `rosbags` and `mcap` are imported when a log is opened, not bef
 
 from capture.arrived import Arrived
 from capture.calibrations import (
-    CameraCalibration,
     KINDS,
     Calibration,
+    CameraCalibration,
     LengthResidual,
     MeasuredCalibration,
     Parameter,
@@ -44,6 +44,7 @@ from capture.errors import (
 from capture.estimate import NO_STAMP, Estimate, EstimatedMap, GroundTruth
 from capture.growing_odometry import GrowingOdometry, no_odometry
 from capture.images import LoggedImage
+from capture.imu_text import read_imu_csv
 from capture.landmark_table import (
     read_estimated_map,
     read_landmarks,
@@ -60,6 +61,7 @@ from capture.stamps import ns_to_stamp, stamp_to_ns
 from capture.streams import (
     Drive,
     Imu,
+    MagneticField,
     Observations,
     Odometry,
     Scans,
@@ -92,6 +94,7 @@ __all__ = [
     "LogError",
     "LogTail",
     "LoggedImage",
+    "MagneticField",
     "MeasuredCalibration",
     "MissingStreamError",
     "Observations",
@@ -126,6 +129,7 @@ __all__ = [
     "read_camera_calibration",
     "read_configuration",
     "read_estimated_map",
+    "read_imu_csv",
     "read_landmarks",
     "read_measured_calibration",
     "read_path_covariance",

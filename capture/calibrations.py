@@ -175,7 +175,7 @@ class MeasuredCalibration:
     @cached_property
     def correlation(self) -> Floats:
         """(k, k) of the parameters that `covariance` is of."""
-        covariance = np.array(self.covariance).reshape(len(self.covariance), -1)
+        covariance = np.array(self.covariance).reshape(len(self.covariance), len(self.covariance))
         sigma = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
         return np.asarray(covariance / np.outer(sigma, sigma))
 

@@ -19,11 +19,12 @@ from capture.result_files import (
     write_ground_truth,
 )
 from capture.session_info import FILE_NAME, SessionInfo, read_session_info
-from capture.streams import Drive, Imu, Observations, Odometry, Scans, VescState
+from capture.streams import Drive, Imu, MagneticField, Observations, Odometry, Scans, VescState
 from capture.topics import (
     DRIVE_TOPIC,
     IMU_TOPIC,
     LOG_NAME,
+    MAGNETIC_FIELD_TOPIC,
     ODOMETRY_SUFFIX,
     ODOMETRY_TYPE,
     OVERHEAD_LOG_NAME,
@@ -157,6 +158,12 @@ class Session:
         from capture.log_columns import imu_columns
 
         return imu_columns(self._raw("IMU", IMU_TOPIC))
+
+    def magnetic_field(self) -> MagneticField:
+        """What the compass of the IMU read."""
+        from capture.log_columns import magnetic_field_columns
+
+        return magnetic_field_columns(self._raw("magnetic field", MAGNETIC_FIELD_TOPIC))
 
     def vesc_state(self) -> VescState:
         """Telemetry of the motor controller."""

@@ -117,8 +117,8 @@ def _faults(drives: Sequence[Driven], limits: LeverLimits) -> list[str]:
         turned = float((sign * turns)[sign * turns > 0].sum())
         if turned < limits.least_turn_rad:
             faults.append(
-                f"it turned {np.degrees(turned):.0f} deg to the {side}; drive a full circle or more "
-                "to either side, as slowly as it goes"
+                f"it turned {np.degrees(turned):.0f} deg to the {side}; drive a full circle or "
+                "more to either side, as slowly as it goes"
             )
     return faults
 
@@ -145,8 +145,8 @@ def _fitted(drives: Sequence[Driven]) -> tuple[RobustFit, Priors]:
         np.array([AHEAD_SIGMA_M, SIDE_SIGMA_M, YAW_SIGMA_RAD, SLIP_SIGMA, 0.2]),
     )
     clusters = stacked_clusters(drives)
-    with_counts = np.repeat([d.counts is not None for d in drives], [len(d.pairs) for d in drives])
-    groups = np.repeat([0, 1], [clusters.size, np.count_nonzero(with_counts)]).astype(np.int64)
+    with_counts = np.concatenate([np.full(len(d.pairs), d.counts is not None) for d in drives])
+    groups = np.concatenate([np.zeros(clusters.size), np.ones(with_counts.sum())]).astype(np.int64)
     clusters = np.concatenate([clusters, clusters[with_counts]])
     least = np.full(int(groups.max()) + 1, LEAST_M)
     fit = robust_fit(residuals, priors.mean.copy(), priors, groups, clusters, least)

@@ -16,7 +16,7 @@ _PATH = click.Path(path_type=Path)
 @FOLDER
 @click.pass_context
 def markers(ctx: click.Context, sessions: tuple[Path, ...], output: Path) -> None:
-    """Where the two rings sit on the car: ahead of the rear axle, to its side, their line's yaw.
+    r"""Where the two rings sit on the car: ahead of the rear axle, to its side, their line's yaw.
 
     \b
     On site, in view of the overhead camera:

@@ -47,13 +47,14 @@ def _forward(drive: Driven) -> Floats:
     """(w,) how far each window went along the car, negative backwards."""
     i, j = drive.pairs.T
     middle = 0.5 * (drive.heading[i] + drive.heading[j])
-    return _turned(drive.xy[j] - drive.xy[i], -middle)[:, 0]
+    return np.asarray(_turned(drive.xy[j] - drive.xy[i], -middle)[:, 0])
 
 
 def forward_m(drive: Driven) -> Floats:
     """(w,) how far the car went in each window by the film, negative backwards."""
     i, j = drive.pairs.T
-    return np.copysign(drive.speed_m_s * (drive.t_s[j] - drive.t_s[i]), _forward(drive))
+    metres: Floats = np.copysign(drive.speed_m_s * (drive.t_s[j] - drive.t_s[i]), _forward(drive))
+    return metres
 
 
 def _turned(xy: Floats, angle_rad: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""How far each window went sideways, by how much it turned: before and after, and the car's rings."""
+"""How far windows went sideways, by how much they turned, and where the rings are."""
 
 from __future__ import annotations
 

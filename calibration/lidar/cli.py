@@ -25,7 +25,7 @@ _PATH = click.Path(path_type=Path)
 @FOLDER
 @click.pass_context
 def lidar(ctx: click.Context, sessions: tuple[Path, ...], cone_radius: float, output: Path) -> None:
-    """Where the lidar sits on the car (x, y, yaw), from cones of known place.
+    r"""Where the lidar sits on the car (x, y, yaw), from cones of known place.
 
     \b
     On site, in view of the overhead camera:

@@ -34,7 +34,8 @@ class Seen:
     def points(self) -> Floats:
         """(n, 2) in the frame of the lidar."""
         bearing = self.bearing_rad
-        return self.range_m[:, None] * np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
+        along = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
+        return np.asarray(self.range_m[:, None] * along)
 
     def poses(self, late_s: float) -> Floats:
         """(n, 3) of the car at the detections, whose stamps are late by so much."""
@@ -46,7 +47,7 @@ class Seen:
     @property
     def clusters(self) -> npt.NDArray[np.int64]:
         """(n,) detections that share the errors of the pose from which they were made."""
-        return ((self.t_ns - self.path.t_ns[0]) // round(CLUSTER_S * 1e9)).astype(np.int64)
+        return np.asarray((self.t_ns - self.path.t_ns[0]) // round(CLUSTER_S * 1e9), np.int64)
 
 
 def seen_in(

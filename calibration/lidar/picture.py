@@ -1,4 +1,4 @@
-"""Detections of cones on the floor: by the mounting before, by the calibrated one, and the truth."""
+"""Cones as the lidar saw them: by the mounting before, by the calibrated one, and the truth."""
 
 from __future__ import annotations
 

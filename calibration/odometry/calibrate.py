@@ -1,9 +1,10 @@
-"""Odometry from driven lines and circles: speed gain, steering, wheelbase, with what each rests on."""
+"""Odometry from lines and circles: speed gain, steering, wheelbase, and what each rests on."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+
 import numpy as np
 import numpy.typing as npt
 
@@ -44,7 +45,7 @@ def calibrate_odometry(
     *,
     speed_only: bool = False,
     how: Mapping[str, object] | None = None,
-    limits: OdometryLimits = OdometryLimits(),
+    limits: OdometryLimits = OdometryLimits(),  # noqa: B008  frozen
 ) -> OdometryResult:
     """The calibration that explains the drives best, with a verdict.
 

@@ -23,7 +23,7 @@ _PATH = click.Path(path_type=Path)
     "--wheelbase",
     callback=length,
     metavar="LENGTH",
-    help="From axle to axle by a tape measure, e.g. 260mm. Without it the steering gain is not known.",
+    help="From axle to axle by a tape, e.g. 260mm; without it the steering gain is unknown.",
 )
 @click.option(
     "--wheelbase-sigma",
@@ -44,7 +44,7 @@ def odometry(
     speed_only: bool,
     output: Path,
 ) -> None:
-    """Speed gain, steering gain and offset, wheelbase, servo lag, against the overhead truth.
+    r"""Speed gain, steering gain and offset, wheelbase, servo lag, against the overhead truth.
 
     \b
     On site, in view of the overhead camera:

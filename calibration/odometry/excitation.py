@@ -73,8 +73,8 @@ def steering_faults(drives: Sequence[Driven], limits: DriveLimits) -> list[str]:
         turned = float((sign * turns)[sign * turns > 0].sum())
         if turned < limits.least_turn_rad:
             faults.append(
-                f"it turned {np.degrees(turned):.0f} deg to the {side}; drive a full circle or more "
-                "to either side"
+                f"it turned {np.degrees(turned):.0f} deg to the {side}; drive a full circle or "
+                "more to either side"
             )
     metres = np.concatenate([np.abs(forward_m(drive)) for drive in drives])
     bent = turns / np.maximum(metres, 1e-6)

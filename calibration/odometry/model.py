@@ -4,11 +4,11 @@
     u         = (servo(t - lag) - offset) / gain
     curvature = tan(u + linkage * u^3) / (wheelbase * (1 + understeer * v^2))
 
-For small angles only gain * wheelbase shows: the two are told apart by the bend of the tangent alone
-(u^2 / 3, 5 % at 0.4 rad), and a steering linkage bends, too. One percent of wheelbase looks like
-0.007 / rad^2 of linkage, which nobody knows that well, so the drive does not tell the wheelbase: a
-tape measure does, and enters as what it is, a measurement with a sigma. (Rajamani, Vehicle Dynamics
-and Control, 2.2 and 3.3, for the bicycle and its understeer.)
+For small angles only gain * wheelbase shows: the two are told apart by the bend of the tangent
+alone (u^2 / 3, 5 % at 0.4 rad), and a steering linkage bends, too. One percent of wheelbase looks
+like 0.007 / rad^2 of linkage, which nobody knows that well, so the drive does not tell the
+wheelbase: a tape measure does, and enters as what it is, a measurement with a sigma. (Rajamani,
+Vehicle Dynamics and Control, 2.2 and 3.3, for the bicycle and its understeer.)
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The paths by the old and by the new calibration over the truth, and what is left in each window."""
+"""The paths by the old and the new calibration over the truth, and what is left over."""
 
 from __future__ import annotations
 

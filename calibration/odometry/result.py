@@ -31,7 +31,7 @@ class OdometryLimits:
     """Windows beyond are left out: there tyres are no longer linear."""
     max_turn_rms_rad: float = field(default=0.03, metadata={"min": 0.0})
     max_distance_rms_m: float = field(default=0.01, metadata={"min": 0.0})
-    drive: DriveLimits = DriveLimits()
+    drive: DriveLimits = field(default_factory=DriveLimits)
 
 
 @dataclass(frozen=True)
@@ -198,8 +198,8 @@ def _reasons(
     if not share <= limits.max_gain_sigma:
         reasons.append(
             f"the steering gain is known to {100 * share:.1f} % only, at most "
-            f"{100 * limits.max_gain_sigma:g} %: drive slow circles to both sides, and faster ones, "
-            "so that the tyres' part is told apart; measure the wheelbase"
+            f"{100 * limits.max_gain_sigma:g} %: drive slow circles to both sides, and "
+            "faster ones, so that the tyres' part is told apart; measure the wheelbase"
         )
     if residuals["turn_rms_rad"] > limits.max_turn_rms_rad:
         reasons.append(

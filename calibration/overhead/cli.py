@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -12,12 +11,11 @@ import click
 
 from calibration.cli import FOLDER, say_verdict
 from calibration.length import grid_size, length
-from dialogue import Cell, Table, UsageError
+from dialogue import UsageError
 
 if TYPE_CHECKING:
     from calibration.camera import Sightings
     from calibration.pictures import Picture, Skipped
-    from capture import CameraCalibration, WorldCalibration
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 _PATH = click.Path(path_type=Path)

@@ -1,4 +1,4 @@
-"""A car that drives figures: lines, circles to both sides, an eight; exact truth and its sensors."""
+"""A car that drives lines and circles to both sides: exact truth and its sensors."""
 
 from __future__ import annotations
 
@@ -164,7 +164,7 @@ def imu_of(motion: Motion, truth: Truth, rng: np.random.Generator) -> Imu:
 def write_session(
     folder: Path,
     plan: Plan = FIGURES,
-    truth: Truth = Truth(),  # noqa: B008  frozen
+    truth: Truth = Truth(),
     seed: int = 0,
     *,
     drive: bool = True,
