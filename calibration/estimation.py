@@ -120,7 +120,9 @@ def _with_covariance(
     names, row = np.unique(clusters, return_inverse=True)
     summed = np.zeros((names.size, values.size))
     np.add.at(summed, row, scores)
-    enough = names.size / max(names.size - values.size, 1)
+    # What the priors hold is no freedom that the data have used up.
+    used = float(np.trace(inverse @ information))
+    enough = names.size / max(names.size - used, 1.0)
     covariance = inverse @ (enough * summed.T @ summed + priors.information) @ inverse
     lift = np.sqrt(np.maximum(np.diag(inverse) / np.maximum(np.diag(covariance), 1e-300), 1.0))
     covariance = covariance * np.outer(lift, lift)

@@ -17,7 +17,7 @@ from capture import Imu
 from geometry import Floats, Stamps, Trajectory, covers
 
 MAX_GAP_S = 0.2
-CLUSTER_S = 2.0
+CLUSTER_S = 0.5
 LEAST_TURN_RAD = np.pi
 """Less turning fixes no scale."""
 LEAST_POSES = 20

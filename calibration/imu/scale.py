@@ -67,7 +67,7 @@ def scale_of_turns(imu: Imu, still: StillPart, turns: float) -> Scale:
     if not abs(abs(total) / known - 1.0) < 0.2:
         raise CalibrationError(
             f"the gyro saw {abs(total) / (2 * np.pi):.2f} turns about z, not "
-            f"{abs(turns):g}: is it level, was another number of turns meant, is its full scale right?"
+            f"{abs(turns):g}: is it level, were other turns meant, is its full scale right?"
         )
     white = float(np.std(still.values[:, 2])) * np.sqrt(still.period_s * t_s[-1])
     drift = float(still.sigma[2]) * float(t_s[-1])

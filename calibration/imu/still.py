@@ -15,6 +15,8 @@ Mask = npt.NDArray[np.bool_]
 WINDOW_S = 0.5
 LEAST_S = 2.0
 QUIET_RAD_S, NOISY_RAD_S = float(np.deg2rad(0.3)), float(np.deg2rad(1.0))
+SHAKEN_M_S2 = 0.1
+"""A car that rolls shakes its accelerometer by more, or by more than twice what rest does."""
 SAME_RAD_S = float(np.deg2rad(0.5))
 GLITCH_SIGMAS = 30.0
 
@@ -81,21 +83,22 @@ def still_part(imu: Imu) -> StillPart:
 def still_rows(imu: Imu, glitches: Mask, period_s: float) -> Mask:
     """(n,) rows in windows that are quiet and in which the gyro reads about the same."""
     size = max(round(WINDOW_S / period_s), 3)
-    gyro = imu.angular_velocity_rad_s
-    starts = np.arange(0, len(gyro) - size + 1, size)
-    std, mean = np.full(starts.size, np.inf), np.full((starts.size, 3), np.inf)
+    values = columns_of(imu)
+    starts = np.arange(0, len(values) - size + 1, size)
+    std, mean = np.full((starts.size, 2), np.inf), np.full((starts.size, 3), np.inf)
     for k, start in enumerate(starts.tolist()):
-        rows = gyro[start : start + size][~glitches[start : start + size]]
+        rows = values[start : start + size][~glitches[start : start + size]]
         if len(rows) > size // 2:
-            std[k], mean[k] = rows.std(axis=0).max(), rows.mean(axis=0)
-    quietest = float(np.percentile(std, 10)) if std.size else np.inf
-    limit = min(max(2.0 * quietest, QUIET_RAD_S), NOISY_RAD_S)
-    quiet = std < limit
+            spread = rows.std(axis=0)
+            std[k], mean[k] = (spread[:3].max(), spread[3:].max()), rows[:, :3].mean(axis=0)
+    quietest = np.percentile(std, 10, axis=0) if len(std) else np.full(2, np.inf)
+    turned = min(max(2.0 * float(quietest[0]), QUIET_RAD_S), NOISY_RAD_S)
+    quiet = (std[:, 0] < turned) & (std[:, 1] < max(2.0 * float(quietest[1]), SHAKEN_M_S2))
     if not quiet.any():
-        return np.zeros(len(gyro), bool)
+        return np.zeros(len(values), bool)
     usual = np.median(mean[quiet], axis=0)
     quiet &= np.abs(mean - usual).max(axis=1) < SAME_RAD_S
-    still = np.zeros(len(gyro), bool)
+    still = np.zeros(len(values), bool)
     for start in starts[quiet].tolist():
         still[start : start + size] = True
     return still
