@@ -1,373 +1,187 @@
-"""The commands `trackside calibrate camera|world|verify|show` and `trackside markers`."""
+"""The group `trackside calibrate`, loaded piece by piece, and `trackside markers`."""
 
 from __future__ import annotations
 
-import contextlib
-import math
-from collections.abc import Callable, Iterator
+import importlib
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 
 from calibration.length import grid_size, length
-from calibration.stereo.cli import stereo
-from dialogue import Cell, Table, UsageError
+from dialogue import UsageError, nearest_names
 from dialogue.options import format_option
 
 if TYPE_CHECKING:
-    from calibration.camera import Sightings
-    from calibration.pictures import Picture, Skipped
-    from capture import CameraCalibration, WorldCalibration
+    from capture import MeasuredCalibration
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 _PATH = click.Path(path_type=Path)
 
-_FOLDER = click.option(
+COMMANDS = {
+    "camera": ("calibration.overhead.cli:camera", "The inside of a camera, from a board."),
+    "world": ("calibration.overhead.cli:world", "The overhead camera's place above the floor."),
+    "verify": ("calibration.overhead.cli:verify", "Does a known length come out right?"),
+    "markers": ("calibration.lever.cli:markers", "Where the rings sit on the car, from circles."),
+    "odometry": ("calibration.odometry.cli:odometry", "Counts to metres, servo to curvature."),
+    "imu": ("calibration.imu.cli:imu", "Bias, noise and scale of gyro, accelerometer, compass."),
+    "lidar": ("calibration.lidar.cli:lidar", "Where the lidar sits on the car, from cones."),
+    "stereo": ("calibration.stereo.cli:stereo", "The two eyes of the car's stereo camera."),
+    "camera-delay": (
+        "calibration.clocks.cli:camera_delay",
+        "What the overhead camera stamps wrong, of joined sessions.",
+    ),
+    "show": ("calibration.cli:show", "What is in force in a folder or a session."),
+    "apply": ("calibration.cli:apply", "Copy the newest accepted ones into sessions."),
+}
+"""Command -> where it is defined, and its line of help: `--help` imports none of them."""
+
+FOLDER = click.option(
     "-o",
     "--output",
-    type=click.Path(path_type=Path),
+    type=_PATH,
     default=Path("calibration"),
     show_default=True,
     help="Folder for the dated file; nothing in it is overwritten.",
 )
-_RIG = click.option(
-    "--rig",
-    "rig_file",
-    type=click.Path(path_type=Path),
-    help="Use the overhead camera of this rig, live, instead of a SOURCE.",
+
+
+class _Commands(click.Group):
+    """The commands above, each imported when it is called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002  click's signature
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in COMMANDS:
+            ctx.fail(f"no calibration {cmd_name!r}; {nearest_names(cmd_name, COMMANDS)}")
+        module, _, attribute = COMMANDS[cmd_name][0].partition(":")
+        return cast(click.Command, getattr(importlib.import_module(module), attribute))
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        with formatter.section("Commands, in the order of a day"):
+            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
+
+
+@click.group("calibrate", cls=_Commands)
+def calibrate() -> None:
+    """Measurements to parameters: each makes a dated file with residuals and a verdict."""
+
+
+def say_verdict(accepted: bool, reasons: tuple[str, ...]) -> None:
+    """Print a verdict and its reasons."""
+    click.echo("accepted" if accepted else "rejected")
+    for reason in reasons:
+        click.echo(f"  {reason}")
+
+
+def conclude(
+    ctx: click.Context,
+    folder: Path,
+    calibration: MeasuredCalibration,
+    draw: Callable[[Path], None],
+    following: str,
+) -> None:
+    """Write a calibration of the car and its picture, tell it, and end with the verdict's code."""
+    from calibration.tables import measured_table
+    from capture import write_calibration
+
+    file = write_calibration(folder, calibration)
+    draw(file.with_suffix(".png"))
+    click.echo(measured_table(calibration).render("table"))
+    say_verdict(calibration.accepted, calibration.reasons)
+    click.echo(f"wrote {file} and {file.with_suffix('.png').name}")
+    if calibration.accepted:
+        click.echo(f"next: {following}")
+    ctx.exit(0 if calibration.accepted else 1)
+
+
+@click.command("show")
+@click.argument("place", type=_PATH, default=Path("calibration"), required=False)
+@format_option()
+def show(place: Path, table_format: str) -> None:
+    """The calibrations in force: of a folder (the newest of every kind), a session, or one file.
+
+    A session's odometry also falls back to what its rig says, which is told.
+    """
+    from calibration.tables import in_force_table, tables_of
+    from capture import read_calibration
+
+    files = _shown_files(place)
+    for note in _rig_notes(place, files):
+        click.echo(note, err=True)
+    if not files:
+        raise UsageError(f"{place}: nothing to show; trackside calibrate camera makes the first")
+    read = {kind: read_calibration(file, kind) for kind, file in files.items()}
+    click.echo(in_force_table(files, read).render(table_format))
+    for kind, one in read.items():
+        click.echo(f"{files[kind]}", err=True)
+        for table in tables_of(one):
+            click.echo(table.render(table_format))
+        say_verdict(one.accepted, one.reasons)
+
+
+def _shown_files(place: Path) -> dict[str, Path]:
+    """Kind -> file: of a file itself, of a session what is in force, of a folder the newest."""
+    from capture import KINDS, CalibrationFileError, accepted_file, calibration_file, kind_of
+    from capture.session_info import FILE_NAME
+
+    if place.is_file():
+        kind = kind_of(place)
+        if kind is None:
+            raise UsageError(f"{place}: is no calibration; expected KIND_DATE.yaml")
+        return {kind: place}
+    if (place / FILE_NAME).exists():
+        found = {kind: accepted_file(place / "calibration", kind) for kind in KINDS}
+        return {kind: file for kind, file in found.items() if file is not None}
+    files = {}
+    for kind in KINDS:
+        try:
+            files[kind] = calibration_file(place, kind)
+        except CalibrationFileError as err:
+            click.echo(str(err), err=True)
+    return files
+
+
+def _rig_notes(place: Path, files: dict[str, Path]) -> list[str]:
+    from capture import Session
+    from capture.session_info import FILE_NAME
+
+    if not (place / FILE_NAME).exists() or "odometry" in files:
+        return []
+    known = Session.open(place).motor_calibration()
+    return [f"odometry: {known or 'unknown'}, by the rig in {place / FILE_NAME}"]
+
+
+@click.command("apply")
+@click.argument("sessions", type=_PATH, nargs=-1, required=True)
+@click.option(
+    "--calibration",
+    "folder",
+    type=_PATH,
+    default=Path("calibration"),
+    show_default=True,
+    help="Folder whose newest accepted calibration of every kind is taken.",
 )
+def apply(sessions: tuple[Path, ...], folder: Path) -> None:
+    """Copy the calibrations in force into SESSIONS, so that they are read with them from now on.
+
+    Sessions keep what they hold; nothing is overwritten, and a newer file of a kind goes before.
+    """
+    from capture import Session, accepted_files
+
+    files = accepted_files(folder)
+    if not files:
+        raise UsageError(f"{folder}: holds no accepted calibration; see trackside calibrate --help")
+    for session in map(Session.open, sessions):
+        copied = session.adopt_calibrations(files)
+        told = ", ".join(file.name for file in copied) or "nothing: it has them all"
+        click.echo(f"{session.folder}: {told}")
 
 
 def _length(name: str, text: str, **more: Any) -> Callable[[_Command], _Command]:
     return click.option(name, callback=length, metavar="LENGTH", help=text, **more)
-
-
-FRESH_SHARE = 0.03
-"""Of the picture's width: how far a board must have moved to be a new view."""
-
-
-@click.group("calibrate")
-def calibrate() -> None:
-    """The overhead camera and its place; each makes a dated file with residuals and a verdict."""
-
-
-calibrate.add_command(stereo)
-
-
-@calibrate.command("camera")
-@click.argument("source", type=click.Path(path_type=Path), required=False)
-@click.option(
-    "--board",
-    "kind",
-    type=click.Choice(("charuco", "chessboard", "rings")),
-    default="charuco",
-    show_default=True,
-)
-@_length("--square", "Side of a square, or middle to middle of rings.")
-@_length("--marker", "Side of a ChArUco board's markers.")
-@_length("--diameter", "Outer diameter of a board's rings.")
-@_length("--inner", "Their inner diameter.")
-@click.option("--size", callback=grid_size, metavar="9x6", help="Squares, inner corners or rings.")
-@click.option("--views", type=click.IntRange(min=3), default=30, show_default=True)
-@_RIG
-@_FOLDER
-@click.pass_context
-def camera(
-    ctx: click.Context,
-    source: Path | None,
-    kind: str,
-    size: tuple[int, int] | None,
-    square: float | None,
-    marker: float | None,
-    diameter: float | None,
-    inner: float | None,
-    views: int,
-    rig_file: Path | None,
-    output: Path,
-) -> None:
-    """The inside of a camera from pictures of a board.
-
-    SOURCE is a folder of pictures, a video or a filmed session. Of videos and live cameras only
-    new views are taken, up to --views. Exit code 1 when the result is rejected.
-    """
-    from calibration.boards import board_of
-    from calibration.camera import Sightings, calibrate_camera
-    from calibration.camera_picture import write_camera_picture
-    from capture import write_calibration
-
-    board = board_of(kind, size, square, marker, diameter, inner)
-    seen = Sightings(board)
-    with _pictures(source, rig_file) as (pictures, skipped):
-        _collect(seen, pictures, views, moving=source is None or not _is_stills(source))
-    for line in skipped.lines:
-        click.echo(line, err=True)
-    result = calibrate_camera(seen, {"source": str(source or rig_file)})
-    file = write_calibration(output, result.calibration)
-    write_camera_picture(file.with_suffix(".png"), result)
-    click.echo(camera_table(result.calibration).render("table"))
-    click.echo(f"{len(seen.found)} of {seen.pictures} pictures gave a new view of the board")
-    _say_verdict(result.calibration.accepted, result.calibration.reasons)
-    click.echo(f"wrote {file} and {file.with_suffix('.png').name}")
-    click.echo(f"next: trackside calibrate world SOURCE --camera {file}")
-    ctx.exit(0 if result.calibration.accepted else 1)
-
-
-def camera_table(calibration: CameraCalibration) -> Table:
-    """Every parameter, its standard deviation, and below it the views."""
-    from geometry import INTRINSICS, intrinsics_of
-
-    values = intrinsics_of(calibration.camera).tolist()
-    sigma = [row[i] ** 0.5 for i, row in enumerate(calibration.covariance)]
-    rows: list[tuple[Cell, ...]] = [*zip(INTRINSICS, values, sigma, strict=True)]
-    size = f"{calibration.camera.width_px}x{calibration.camera.height_px}"
-    left_out = [view for view in calibration.views if not view.used]
-    notes = [f"rms {calibration.rms_px:.3f} px in {len(calibration.views) - len(left_out)} views"]
-    notes += [f"left out {one.name}: {one.rms_px:.2f} px, {one.why}" for one in left_out]
-    title = f"camera {size}, {calibration.made_utc}"
-    return Table(("parameter", "value", "sigma"), tuple(rows), title, "\n".join(notes), digits=5)
-
-
-_CALIBRATION = click.option(
-    "--calibration",
-    "place",
-    type=click.Path(path_type=Path),
-    default=Path("calibration"),
-    show_default=True,
-    help="A file, or a folder whose newest one is taken.",
-)
-_PICTURES = click.option(
-    "--pictures", "most", type=click.IntRange(min=1), default=60, show_default=True,
-    help="How many are averaged.",
-)  # fmt: skip
-
-
-@calibrate.command("world")
-@click.argument("source", type=click.Path(path_type=Path), required=False)
-@click.option(
-    "--floor",
-    "floor_file",
-    type=_PATH,
-    default=Path("floor.yaml"),
-    show_default=True,
-    help="Which rings stand where, and the measured lengths.",
-)
-@click.option(
-    "--camera",
-    "camera_place",
-    type=_PATH,
-    help="The camera's calibration.  [default: the newest in --output]",
-)
-@_PICTURES
-@_RIG
-@_FOLDER
-@click.pass_context
-def world(
-    ctx: click.Context,
-    source: Path | None,
-    floor_file: Path,
-    camera_place: Path | None,
-    most: int,
-    rig_file: Path | None,
-    output: Path,
-) -> None:
-    """The camera's place above the floor, from four corner rings and measured lengths.
-
-    SOURCE is a folder of pictures, a video or a filmed session. Exit code 1 when the result is
-    rejected.
-    """
-    from calibration.survey import read_floor
-    from calibration.world import calibrate_world
-    from calibration.world_picture import write_world_picture
-    from capture import calibration_file, read_camera_calibration, write_calibration
-    from tracking import average_rings
-
-    floor = read_floor(floor_file)
-    camera_file = calibration_file(camera_place or output, "camera")
-    click.echo(f"camera: {camera_file}")
-    with _pictures(source, rig_file) as (pictures, skipped):
-        rings = average_rings((one.image for one in pictures), floor.ring, most)
-    for line in skipped.lines:
-        click.echo(line, err=True)
-    how = {"source": str(source or rig_file), "camera_file": camera_file.name}
-    result = calibrate_world(floor, rings, read_camera_calibration(camera_file), how)
-    file = write_calibration(output, result.calibration)
-    write_world_picture(file.with_suffix(".png"), result)
-    for table in world_tables(result.calibration):
-        click.echo(table.render("table"))
-    _say_verdict(result.calibration.accepted, result.calibration.reasons)
-    click.echo(f"wrote {file} and {file.with_suffix('.png').name}")
-    click.echo("next: trackside calibrate verify SOURCE --distance 1.000")
-    ctx.exit(0 if result.calibration.accepted else 1)
-
-
-@calibrate.command("verify")
-@click.argument("source", type=click.Path(path_type=Path), required=False)
-@_length("--distance", "The length, between the middles of two rings.", required=True)
-@_length("--height", "Of the two rings above the floor.  [default: 0]")
-@click.option("--between", metavar="A,B", help="Two markers of the calibration.")
-@_length("--tolerance", "How far off it may be.", default="5mm", show_default=True)
-@_CALIBRATION
-@_PICTURES
-@_RIG
-@click.pass_context
-def verify(
-    ctx: click.Context,
-    source: Path | None,
-    distance: float,
-    height: float | None,
-    between: str | None,
-    tolerance: float,
-    place: Path,
-    most: int,
-    rig_file: Path | None,
-) -> None:
-    """Does a known length come out right? Lay two rings down so far apart; exit code 1 if not."""
-    from calibration.verify import verify_length
-    from capture import calibration_file, read_world_calibration
-    from tracking import average_rings
-
-    file = calibration_file(place, "world")
-    known = read_world_calibration(file)
-    pair = None
-    if between is not None:
-        first, comma, second = between.partition(",")
-        if not (comma and first.strip() and second.strip()):
-            raise UsageError(f"--between takes two names, A,B; got {between!r}")
-        pair = (first.strip(), second.strip())
-    with _pictures(source, rig_file) as (pictures, _):
-        rings = average_rings((one.image for one in pictures), known.ring, most)
-    found = verify_length(
-        known, rings, distance, height_m=height or 0.0, between=pair, tolerance_m=tolerance
-    )
-    click.echo(f"calibration: {file}")
-    (ax, ay), (bx, by) = found.places_m
-    click.echo(f"rings at ({ax:.4f}, {ay:.4f}) and ({bx:.4f}, {by:.4f}) m")
-    click.echo(
-        f"measured {found.measured_m:.4f} m, known {found.known_m:.4f} m: "
-        f"{1e3 * found.error_m:+.1f} mm (predicted sigma {1e3 * found.sigma_m:.1f} mm)"
-    )
-    click.echo("pass" if found.passed else f"fail: more than {1e3 * tolerance:g} mm off")
-    ctx.exit(0 if found.passed else 1)
-
-
-@calibrate.command("show")
-@click.argument(
-    "place", type=click.Path(path_type=Path), default=Path("calibration"), required=False
-)
-@format_option()
-def show(place: Path, table_format: str) -> None:
-    """The calibrations in force: the newest camera and world of a folder, or one file."""
-    from capture import (
-        CalibrationFileError,
-        calibration_file,
-        read_camera_calibration,
-        read_world_calibration,
-    )
-
-    shown = 0
-    for kind in ("camera", "world"):
-        if place.is_file() and not place.name.startswith(kind):
-            continue
-        try:
-            file = calibration_file(place, kind)
-        except CalibrationFileError as err:
-            click.echo(str(err), err=True)
-            continue
-        shown += 1
-        if kind == "camera":
-            one = read_camera_calibration(file)
-            tables, verdict = [camera_table(one)], (one.accepted, one.reasons)
-        else:
-            other = read_world_calibration(file)
-            tables, verdict = world_tables(other), (other.accepted, other.reasons)
-        click.echo(f"{file}", err=True)
-        for table in tables:
-            click.echo(table.render(table_format))
-        _say_verdict(*verdict)
-    if not shown:
-        raise UsageError(f"{place}: nothing to show; trackside calibrate camera makes the first")
-
-
-def world_tables(calibration: WorldCalibration) -> list[Table]:
-    """Markers, lengths, and the predicted accuracy below them."""
-    marks: list[tuple[Cell, ...]] = [
-        (one.name, one.corner, *one.xyz_m, 1e3 * math.sqrt(sxx + syy), one.residual_px)
-        for one in calibration.markers
-        for sxx, _, syy in [one.covariance_m2]
-    ]
-    lengths: list[tuple[Cell, ...]] = [
-        (" to ".join(one.markers), one.length_m, 1e3 * one.sigma_m, 1e3 * one.residual_m)
-        for one in calibration.lengths
-    ]
-    told = ", ".join(f"{key.replace('_', ' ')} {1e3 * value:.2f} mm"
-                     for key, value in calibration.accuracy_m.items())  # fmt: skip
-    columns = ("marker", "corner", "x [m]", "y [m]", "z [m]", "sigma [mm]", "residual [px]")
-    return [
-        Table(columns, tuple(marks), f"world, {calibration.made_utc}"),
-        Table(
-            ("length", "measured [m]", "sigma [mm]", "fitted - measured [mm]"),
-            tuple(lengths),
-            note=f"predicted accuracy: {told}",
-            digits=4,
-        ),
-    ]
-
-
-@contextlib.contextmanager
-def _pictures(
-    source: Path | None, rig_file: Path | None
-) -> Iterator[tuple[Iterator[Picture], Skipped]]:
-    """Pictures of a place or of a rig's camera, which is closed in any case."""
-    from calibration.pictures import Skipped, pictures_from, pictures_of
-
-    skipped = Skipped()
-    if (source is None) == (rig_file is None):
-        raise UsageError("give either a SOURCE with pictures or --rig for a live camera")
-    if source is not None:
-        yield pictures_of(source, skipped), skipped
-        return
-    from capture.recording.rig import read_rig
-    from drivers.camera import V4l2Camera
-
-    assert rig_file is not None
-    rig = read_rig(rig_file)
-    if rig.overhead is None:
-        raise UsageError(f"{rig_file}: has no overhead camera; add it, or give a SOURCE")
-    with contextlib.closing(pictures_from(V4l2Camera(rig.overhead), skipped)) as live:
-        yield live, skipped
-
-
-def _is_stills(source: Path) -> bool:
-    from capture.session_info import FILE_NAME
-
-    return source.is_dir() and not (source / FILE_NAME).exists()
-
-
-def _collect(seen: Sightings, pictures: Iterator[Picture], views: int, moving: bool) -> None:
-    """Look at pictures; of moving ones until there are enough new views, or Ctrl-C."""
-    from calibration.camera import coverage_cells, where_to_show
-
-    with contextlib.suppress(KeyboardInterrupt):
-        for picture in pictures:
-            if moving:
-                seen.fresh_px = FRESH_SHARE * picture.image.shape[1]
-            if seen.add(picture) is None or not moving:
-                continue
-            assert seen.size_px is not None
-            cells = coverage_cells(seen.found, seen.size_px)
-            where = where_to_show(cells)
-            advice = f"; now show it at the {where}" if where else ""
-            covered = 100 * float((cells > 0).mean())
-            click.echo(f"view {len(seen.found)}: {covered:.0f} % covered{advice}", err=True)
-            if len(seen.found) >= views:
-                return
-
-
-def _say_verdict(accepted: bool, reasons: tuple[str, ...]) -> None:
-    click.echo("accepted" if accepted else "rejected")
-    for reason in reasons:
-        click.echo(f"  {reason}")
 
 
 @click.command("markers")

@@ -6,18 +6,27 @@ landmark tables. `rosbags` and `mcap` are imported when a log is opened, not bef
 
 from capture.arrived import Arrived
 from capture.calibrations import (
+    KINDS,
+    Calibration,
     CameraCalibration,
     CameraDelayCalibration,
     DelayOfSession,
     LengthResidual,
+    MeasuredCalibration,
+    Parameter,
     PlacedMarker,
     StereoCalibration,
     ViewResidual,
     WorldCalibration,
+    accepted_file,
+    accepted_files,
     calibration_file,
+    kind_of,
     now_utc,
+    read_calibration,
     read_camera_calibration,
     read_camera_delay,
+    read_measured_calibration,
     read_stereo_calibration,
     read_world_calibration,
     write_calibration,
@@ -40,6 +49,7 @@ from capture.errors import (
 from capture.estimate import NO_STAMP, Estimate, EstimatedMap, GroundTruth
 from capture.growing_odometry import GrowingOdometry, no_odometry
 from capture.images import LoggedImage
+from capture.imu_text import read_imu_csv
 from capture.joined import check_parts, keep_pictures, mapped_truth, new_joined_session
 from capture.landmark_table import (
     read_estimated_map,
@@ -58,6 +68,7 @@ from capture.stamps import ns_to_stamp, stamp_to_ns
 from capture.streams import (
     Drive,
     Imu,
+    MagneticField,
     Observations,
     Odometry,
     Scans,
@@ -72,8 +83,10 @@ from capture.tum import TumPath, read_planar_tum, read_tum, write_tum
 from capture.yaml_file import read_yaml, write_yaml
 
 __all__ = [
+    "KINDS",
     "NO_STAMP",
     "Arrived",
+    "Calibration",
     "CalibrationFileError",
     "CameraCalibration",
     "CameraDelayCalibration",
@@ -92,9 +105,12 @@ __all__ = [
     "LogError",
     "LogTail",
     "LoggedImage",
+    "MagneticField",
+    "MeasuredCalibration",
     "MissingStreamError",
     "Observations",
     "Odometry",
+    "Parameter",
     "PeerClock",
     "PlacedMarker",
     "Scans",
@@ -108,6 +124,8 @@ __all__ = [
     "VescState",
     "ViewResidual",
     "WorldCalibration",
+    "accepted_file",
+    "accepted_files",
     "calibration_file",
     "check_parts",
     "configuration_from_mapping",
@@ -115,6 +133,7 @@ __all__ = [
     "extended",
     "joined",
     "keep_pictures",
+    "kind_of",
     "list_sessions",
     "mapped_truth",
     "new_folder",
@@ -124,11 +143,14 @@ __all__ = [
     "ns_to_stamp",
     "point_cloud_message",
     "preferred_source",
+    "read_calibration",
     "read_camera_calibration",
     "read_camera_delay",
     "read_configuration",
     "read_estimated_map",
+    "read_imu_csv",
     "read_landmarks",
+    "read_measured_calibration",
     "read_path_covariance",
     "read_peer_clock",
     "read_planar_tum",

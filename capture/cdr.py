@@ -40,6 +40,7 @@ IMU: Fields = (
     ("linear_acceleration", "3f8"),
     ("linear_acceleration_covariance", "9f8"),
 )
+MAGNETIC_FIELD: Fields = (*HEADER, ("magnetic_field", "3f8"), ("covariance", "9f8"))
 LASER_SCAN: Fields = (
     *HEADER,
     *((f"angle_{name}", "f4") for name in ("min", "max", "increment")),

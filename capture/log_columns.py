@@ -11,6 +11,7 @@ from capture.cdr import (
     ACKERMANN_DRIVE,
     IMU,
     LASER_SCAN,
+    MAGNETIC_FIELD,
     ODOMETRY,
     RANGE_BEARING_ARRAY,
     VESC_STATE,
@@ -21,7 +22,7 @@ from capture.cdr import (
 from capture.errors import LogError
 from capture.log_reader import RawMessages
 from capture.stamps import NS_PER_S
-from capture.streams import Drive, Imu, Observations, Odometry, Scans, VescState
+from capture.streams import Drive, Imu, MagneticField, Observations, Odometry, Scans, VescState
 from capture.yaw import heading_of
 from geometry import Floats, Stamps, between, wrap
 
@@ -144,6 +145,12 @@ def imu_columns(raw: RawMessages) -> Imu:
     """Angular velocity and acceleration of a `sensor_msgs/Imu` topic."""
     table = _Table(raw, IMU)
     return Imu(table.t_ns, table.column("angular_velocity"), table.column("linear_acceleration"))
+
+
+def magnetic_field_columns(raw: RawMessages) -> MagneticField:
+    """Samples of a `sensor_msgs/MagneticField` topic."""
+    table = _Table(raw, MAGNETIC_FIELD)
+    return MagneticField(table.t_ns, table.column("magnetic_field"))
 
 
 def vesc_state_columns(raw: RawMessages) -> VescState:

@@ -22,6 +22,7 @@ from capture.session_info import FILE_NAME, SessionInfo, read_session_info
 from capture.streams import (
     Drive,
     Imu,
+    MagneticField,
     Observations,
     Odometry,
     Scans,
@@ -33,6 +34,7 @@ from capture.topics import (
     IMAGE_LOGS,
     IMU_TOPIC,
     LOG_NAME,
+    MAGNETIC_FIELD_TOPIC,
     ODOMETRY_SUFFIX,
     ODOMETRY_TYPE,
     OVERHEAD_LOG_NAME,
@@ -49,6 +51,7 @@ from capture.topics import (
 )
 
 if TYPE_CHECKING:
+    from capture.calibrations import Calibration
     from capture.images import LoggedImage
     from capture.log_reader import McapLog, RawMessages, Topic
     from capture.log_tail import LogTail
@@ -171,6 +174,12 @@ class Session:
 
         return imu_columns(self._raw("IMU", IMU_TOPIC))
 
+    def magnetic_field(self) -> MagneticField:
+        """What the compass of the IMU read."""
+        from capture.log_columns import magnetic_field_columns
+
+        return magnetic_field_columns(self._raw("magnetic field", MAGNETIC_FIELD_TOPIC))
+
     def vesc_state(self) -> VescState:
         """Telemetry of the motor controller."""
         from capture.log_columns import vesc_state_columns
@@ -256,10 +265,54 @@ class Session:
 
         return add_odometry(self, told, replace=replace)
 
-    def motor_calibration(self) -> VescCalibration | None:
-        """What ties the motor controller's numbers to the car, as it was in force; None if unknown.
+    def calibration_in_force(self, kind: str) -> Calibration | None:
+        """The newest accepted calibration of a kind that the session holds, None without one.
 
-        Raises `ConfigurationError` where `session.yaml` holds something else in its place.
+        Raises `CalibrationFileError` for a file that cannot be read.
+        """
+        from capture.calibrations import accepted_file, read_calibration
+
+        file = accepted_file(self.folder / "calibration", kind)
+        return None if file is None else read_calibration(file, kind)
+
+    def measured(self, kind: str) -> Mapping[str, float]:
+        """The parameters of the car's calibration of a kind that is in force; empty without one."""
+        from capture.calibrations import MeasuredCalibration
+
+        found = self.calibration_in_force(kind)
+        if not isinstance(found, MeasuredCalibration):
+            return {}
+        return {one.name: one.value for one in found.parameters}
+
+    def motor_calibration(self) -> VescCalibration | None:
+        """What ties the motor controller's numbers to the car; None if unknown.
+
+        An accepted `calibration/odometry_*.yaml` of the session goes before the words of its rig.
+        Raises `ConfigurationError` where `session.yaml` holds something else in their place.
+        """
+        found = self.measured("odometry")
+        if not found:
+            return self.recorded_motor_calibration()
+        from drivers.vesc import VescCalibration
+
+        return VescCalibration(
+            **{
+                name: found[name]
+                for name in (
+                    "speed_to_erpm_gain",
+                    "steering_angle_to_servo_gain",
+                    "steering_angle_to_servo_offset",
+                    "wheelbase_m",
+                )
+            },
+            direction=round(found["direction"]),
+            low_speed_erpm=found["low_speed_erpm"],
+        )
+
+    def recorded_motor_calibration(self) -> VescCalibration | None:
+        """The rig's words while it was recorded, by which `/drive` and `/vesc/odom` were written.
+
+        Raises `ConfigurationError` where `session.yaml` holds something else in their place.
         """
         rig = self.info.configuration.get("rig")
         values = rig.get("vesc_calibration") if isinstance(rig, Mapping) else None
@@ -332,6 +385,14 @@ class Session:
         from capture.session_writer import copy_calibration
 
         copy_calibration(self.folder, file)
+
+    def adopt_calibrations(self, files: Iterable[Path]) -> tuple[Path, ...]:
+        """Copy those calibration files in whose names are not there yet; which they were."""
+        here = {file.name for file in self.calibrations}
+        fresh = tuple(file for file in files if file.name not in here)
+        for file in fresh:
+            self.copy_calibration(file)
+        return fresh
 
     @property
     def _truth_folder(self) -> Path:

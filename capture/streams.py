@@ -75,6 +75,17 @@ class Imu:
 
 
 @dataclass(frozen=True, eq=False)
+class MagneticField:
+    """The magnetic field in the axes of the accelerometer.
+
+    t_ns : (n,); field_t : (n, 3), tesla.
+    """
+
+    t_ns: Stamps
+    field_t: Floats
+
+
+@dataclass(frozen=True, eq=False)
 class VescState:
     """Telemetry of the motor controller.
 

@@ -27,7 +27,7 @@ from geometry.landmarks import LandmarkMap
 from geometry.se2 import between, compose, inverse, rotate_covariance, transform_points
 from geometry.space_path import SpacePath
 from geometry.stereo import Mounting, StereoPair
-from geometry.trajectory import Stamps, Trajectory
+from geometry.trajectory import Stamps, Trajectory, covers
 from geometry.uncertainty import (
     INTRINSICS,
     camera_of,
@@ -64,6 +64,7 @@ __all__ = [
     "circle_outline",
     "circular_mean",
     "compose",
+    "covers",
     "fit_homography",
     "fit_planar_view",
     "floor_covariance",

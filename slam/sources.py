@@ -31,6 +31,10 @@ class SourceConfig:
 
     gyro_bias_rad_s: float | None = None
     """None: the median of the gyro while the car stands."""
+    gyro_usual_bias_rad_s: float = 0.0
+    """Taken where nobody said and the car never stood."""
+    gyro_scale: float = field(default=1.0, metadata={"min": 0.5, "max": 2.0})
+    """True turn for each turn that the gyro tells; biases are of the scaled rate."""
     imu_offset_s: float = 0.0
     """Added to the stamps of the IMU."""
     still_speed_m_s: float = field(default=0.01, metadata={"min": 0.0})
@@ -45,6 +49,8 @@ class SourceConfig:
     """Between the axles; 0: nobody said."""
     steering_offset_rad: float = 0.0
     """What is commanded when the car drives straight."""
+    steering_scale: float = 1.0
+    """Angle of the wheels for each angle that is commanded beyond that."""
     max_speed_m_s: float = field(default=20.0, metadata={"min": 0.0})
     """A tachometer that tells more was reset; that step is left out."""
 
@@ -231,7 +237,7 @@ def steered(
     row = np.searchsorted(drive.t_ns, counted.t_ns, side="right") - 1
     angle = drive.steering_rad[np.maximum(row, 0)] if drive.t_ns.size else np.zeros(row.size)
     angle = np.where((row >= 0) & np.isfinite(angle), angle - config.steering_offset_rad, 0.0)
-    curvature = np.tan(angle) / config.wheelbase_m
+    curvature = np.tan(config.steering_scale * angle) / config.wheelbase_m
     step = np.zeros((max(counted.t_ns.size - 1, 0), 3))
     step[:, 0] = np.diff(counted.pose_odom_base[:, 0])
     turn = step[:, 0] * curvature[:-1]
@@ -247,8 +253,8 @@ def _bridged(told: Odometry) -> tuple[Odometry, SourceReport]:
 
 
 def gyro_rates(imu: Imu, config: SourceConfig) -> tuple[Stamps, Floats]:
-    """Stamps and turn rate (n,) of the finite samples, on the clock of the odometry."""
-    rate = imu.angular_velocity_rad_s[:, 2]
+    """Stamps and scaled turn rate (n,) of the finite samples, on the clock of the odometry."""
+    rate = imu.angular_velocity_rad_s[:, 2] * config.gyro_scale
     told = np.isfinite(rate)
     return imu.t_ns[told] + round(config.imu_offset_s * 1e9), rate[told]
 
@@ -290,11 +296,12 @@ def standing_samples(t_ns: Stamps, still: Mask, gyro_ns: Stamps) -> Mask:
 
 
 def bias_of(standing_rate: Floats, config: SourceConfig) -> float:
-    """Bias of the gyro [rad/s] from its rates while the car stood; 0 where it never did."""
+    """Bias of the gyro [rad/s] from its rates while the car stood; the usual one if never."""
     if config.gyro_bias_rad_s is not None:
         return config.gyro_bias_rad_s
+    usual_rad_s = config.gyro_usual_bias_rad_s
     # The median: a push while the car stands is no bias.
-    return float(np.median(standing_rate)) if standing_rate.size else 0.0
+    return float(np.median(standing_rate)) if standing_rate.size else usual_rad_s
 
 
 def _turned(gyro_ns: Stamps, rate: Floats, t_ns: Stamps) -> Floats:

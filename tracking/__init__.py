@@ -20,7 +20,7 @@ from tracking.images import Image, grey_image
 from tracking.markers import Marker, State, TrackedFrame
 from tracking.measuring import TrackerConfig
 from tracking.rings import RingSearch, RingSightings, find_rings
-from tracking.scene import Scene
+from tracking.scene import CarRings, Scene, read_scene
 from tracking.still_rings import StillRings, average_rings
 from tracking.tracker import RingTracker
 from tracking.whole_film import (
@@ -33,6 +33,7 @@ from tracking.whole_film import (
 
 __all__ = [
     "CarMemory",
+    "CarRings",
     "Film",
     "Image",
     "ImageError",
@@ -55,6 +56,7 @@ __all__ = [
     "heading_between",
     "keep_calibration",
     "pair_match",
+    "read_scene",
     "scene_of",
     "session_film",
     "summary",

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from capture import GroundTruth, WorldCalibration, software
-from geometry import Floats, LandmarkMap, Stamps, Trajectory, floor_covariance, wrap
+from geometry import Floats, LandmarkMap, Stamps, Trajectory, compose, floor_covariance, wrap
 from tracking.bridging import bridge
 from tracking.cone_map import ConeMap, map_cones
 from tracking.errors import TrackingError
@@ -136,8 +136,7 @@ def _measured(tracks: Tracks, seen: npt.NDArray[np.bool_], car: CarRings) -> tup
         pose, covariances[k] = car_pose(
             front, rear, spread[0], spread[1], car.front_x_m, car.rear_x_m
         )
-        left = np.array([-np.sin(pose[2]), np.cos(pose[2]), 0.0])
-        poses[k] = pose - car.side_m * left
+        poses[k] = compose(pose, np.array(car.pose_line_base))
     return poses, covariances
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,13 +14,15 @@ from capture import read_configuration
 class CarRings:
     """Two rings on the car, seen from `base_link`, the middle of the rear axle; metres.
 
-    front_x_m, rear_x_m : how far ahead of it; side_m : how far to its left both are; height_m : of
-    their plane above the floor; sigmas : how well height and distances were measured.
+    front_x_m, rear_x_m : how far ahead of it; side_m : how far to its left both are; yaw_rad : by
+    how much the line through them, from rear to front, is turned to the left about their middle;
+    height_m : of their plane above the floor; sigmas : how well height and distances were measured.
     """
 
     front_x_m: float = 0.25
     rear_x_m: float = 0.05
     side_m: float = 0.0
+    yaw_rad: float = field(default=0.0, metadata={"min": -0.5, "max": 0.5})
     height_m: float = field(default=0.2, metadata={"min": 0.0, "max": 1.0})
     height_sigma_m: float = field(default=0.002, metadata={"min": 0.0})
     lever_sigma_m: float = field(default=0.001, metadata={"min": 0.0})
@@ -30,6 +33,17 @@ class CarRings:
                 f"the front ring must be ahead of the rear one by 0.05 m at least, got front_x_m "
                 f"{self.front_x_m} and rear_x_m {self.rear_x_m}"
             )
+
+    @property
+    def pose_line_base(self) -> tuple[float, float, float]:
+        """`base_link` as seen from a base_link that lies straight behind both rings."""
+        middle = (self.front_x_m + self.rear_x_m) / 2.0
+        cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        return (
+            middle - cos * middle - sin * self.side_m,
+            sin * middle - cos * self.side_m,
+            -self.yaw_rad,
+        )
 
     @property
     def span_m(self) -> float:

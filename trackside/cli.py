@@ -19,11 +19,7 @@ COMMANDS = {
     "simulate": ("trackside.virtual.cli:simulate", "A run on the virtual track, from one seed."),
     "doctor": ("trackside.doctor:doctor", "What would spoil a recording here, and what to do."),
     "devices": ("trackside.devices:devices", "What is plugged in, who answered; writes a rig."),
-    "calibrate": ("calibration.cli:calibrate", "The camera and its place above the floor."),
-    "calibrate camera-delay": (
-        "calibration.clocks.cli:camera_delay",
-        "What the overhead camera stamps wrong, of joined sessions.",
-    ),
+    "calibrate": ("calibration.cli:calibrate", "Camera, floor, rings, odometry, IMU, lidar."),
     "markers": ("calibration.cli:markers", "Rings and boards to print, true to size."),
     "record": ("capture.recording.cli:record", "Record the car into a new session."),
     "film": ("capture.recording.cli:film", "Record the overhead camera into a new session."),

@@ -79,10 +79,14 @@ def _record(
     output: Path | None,
     without: tuple[str, ...],
 ) -> None:
+    from capture.calibrations import accepted_files
     from capture.recording.begin import Take, devices_of, recorder_for
     from capture.recording.rig import read_rig
+    from capture.session import Session
 
     rig = read_rig(rig_file)
+    # A file that cannot be read is told before anything begins.
+    calibrations = accepted_files(Path(rig.recording.calibration_folder))
     names = devices_of(rig, among, without)
     click.echo(f"connecting {', '.join(names)}", err=True)
     take = Take(map_name, power, trial, notes)
@@ -91,6 +95,8 @@ def _record(
     try:
         with asked_to_end() as ended, recorder:
             _say_identities(recorder)
+            for file in Session.open(recorder.folder).adopt_calibrations(calibrations):
+                click.echo(f"calibration in force: {file}", err=True)
             _watch(recorder, ended, still_s)
     except BaseException:
         _remove_if_empty(recorder.folder)

@@ -26,6 +26,8 @@ class RecordingConfig:
 
     folder : where sessions go; disk_reserve_mb : the recording ends when less is left;
     still_s : how long the car is asked to stand at the start, for the bias of the gyro;
+    calibration_folder : the newest accepted calibration of each kind in it is copied into every
+    session.
     clock_server : HOST[:PORT] where `trackside clock serve` runs, whose clock is asked at the start
     and at the end. Raises `ValueError` where that is none.
     """
@@ -33,6 +35,7 @@ class RecordingConfig:
     folder: str = "sessions"
     disk_reserve_mb: int = field(default=500, metadata={"min": 0})
     still_s: float = field(default=2.0, metadata={"min": 0.0, "max": 60.0})
+    calibration_folder: str = "calibration"
     clock_server: str = ""
 
     def __post_init__(self) -> None:

@@ -6,9 +6,18 @@ gyro reads at rest. Nothing here corrects a measurement: raw data stays raw.
 """
 
 from drivers.imu.bias import StillBias, still_bias
-from drivers.imu.sample import ImuSample, Motion, Source, Vector, at_rest, vector
+from drivers.imu.sample import (
+    STANDARD_GRAVITY_M_S2,
+    ImuSample,
+    Motion,
+    Source,
+    Vector,
+    at_rest,
+    vector,
+)
 
 __all__ = [
+    "STANDARD_GRAVITY_M_S2",
     "ImuSample",
     "Motion",
     "Source",

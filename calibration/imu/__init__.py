@@ -1,0 +1,1 @@
+"""Bias, noise, scale and mounting of an inertial sensor."""

@@ -1,0 +1,1 @@
+"""Where the lidar sits on the car, from cones of known place seen along a known path."""
