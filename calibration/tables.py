@@ -6,7 +6,16 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 
-from capture import Calibration, CameraCalibration, MeasuredCalibration, WorldCalibration
+from calibration.clocks.cli import delay_table
+from calibration.stereo.cli import stereo_table
+from capture import (
+    Calibration,
+    CameraCalibration,
+    CameraDelayCalibration,
+    MeasuredCalibration,
+    StereoCalibration,
+    WorldCalibration,
+)
 from dialogue import Cell, Table
 
 _CORRELATED = 0.9
@@ -18,6 +27,10 @@ def tables_of(calibration: Calibration) -> list[Table]:
         return [camera_table(calibration)]
     if isinstance(calibration, WorldCalibration):
         return world_tables(calibration)
+    if isinstance(calibration, CameraDelayCalibration):
+        return [delay_table(calibration)]
+    if isinstance(calibration, StereoCalibration):
+        return [stereo_table(calibration)]
     return [measured_table(calibration)]
 
 
@@ -57,6 +70,8 @@ def _correlated(calibration: MeasuredCalibration) -> list[tuple[str, str, float]
 
 
 def _source(calibration: Calibration) -> str:
+    if isinstance(calibration, CameraDelayCalibration):
+        return " ".join(one.name for one in calibration.sessions)
     how = calibration.how
     told = how.get("sessions", how.get("source", ""))
     return " ".join(map(str, told)) if isinstance(told, list) else str(told)
@@ -69,6 +84,10 @@ def _key_numbers(calibration: Calibration) -> str:
         return ", ".join(
             f"{k} {1e3 * v:.1f} mm" for k, v in list(calibration.accuracy_m.items())[:2]
         )
+    if isinstance(calibration, CameraDelayCalibration):
+        return f"delay {1e3 * calibration.delay_s:.2f} +- {1e3 * calibration.sigma_s:.2f} ms"
+    if isinstance(calibration, StereoCalibration):
+        return f"base line {1e3 * calibration.pair.baseline_m:.1f} mm"
     return ", ".join(f"{one.name} {one.value:.5g}" for one in calibration.parameters[:4])
 
 

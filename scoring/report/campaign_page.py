@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dialogue import Table
+from dialogue.pages import SERIES, render, view
 from scoring.comparison import Comparison
 from scoring.comparison.compare import EVERYTHING
 from scoring.comparison.overview import overview
@@ -22,8 +23,6 @@ from scoring.report.campaign_tables import (
     table_words,
 )
 from scoring.report.comparison_figures import correlation_svg, dataset_svg, ratio_svg
-from scoring.report.html import render, view
-from scoring.report.svg import SERIES
 from scoring.report.thesis_figures import Scene, errors_svg, scene_svgs
 
 

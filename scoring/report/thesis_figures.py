@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dialogue.pages import INK, PALETTE, figure_svg, series_colour
 from geometry import Floats
 from scoring.comparison import COLUMNS, Comparison
 from scoring.comparison.tables import HEADINGS
 from scoring.report.comparison_figures import draw_mean
-from scoring.report.svg import INK, PALETTE, figure_svg, series_colour
 from scoring.report.thinning import thin_path, with_gaps
 from scoring.result import Score
 
