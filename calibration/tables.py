@@ -10,6 +10,18 @@ from capture import Calibration, CameraCalibration, MeasuredCalibration, WorldCa
 from dialogue import Cell, Table
 
 _CORRELATED = 0.9
+KEY_NUMBERS = {
+    "odometry": (
+        "speed_to_erpm_gain",
+        "steering_angle_to_servo_gain",
+        "steering_angle_to_servo_offset",
+        "wheelbase_m",
+    ),
+    "imu": ("gyro_bias_z_rad_s", "gyro_scale", "gravity_m_s2"),
+    "lidar": ("x_m", "y_m", "yaw_rad", "range_bias_m"),
+    "markers": ("front_x_m", "rear_x_m", "side_m", "yaw_rad"),
+}
+"""What one wants to see of a kind at a glance."""
 
 
 def tables_of(calibration: Calibration) -> list[Table]:
@@ -69,7 +81,9 @@ def _key_numbers(calibration: Calibration) -> str:
         return ", ".join(
             f"{k} {1e3 * v:.1f} mm" for k, v in list(calibration.accuracy_m.items())[:2]
         )
-    return ", ".join(f"{one.name} {one.value:.5g}" for one in calibration.parameters[:4])
+    values = {one.name: one.value for one in calibration.parameters}
+    told = [name for name in KEY_NUMBERS[calibration.kind] if name in values]
+    return ", ".join(f"{name} {values[name]:.5g}" for name in told)
 
 
 def camera_table(calibration: CameraCalibration) -> Table:

@@ -149,5 +149,4 @@ def _fitted(
         fit,
         values=fit.values * size,
         covariance=fit.covariance * np.outer(size, size),
-        information=fit.information / np.outer(size, size),
     )

@@ -19,8 +19,8 @@ LEVER = (0.012, -0.008, 0.02)
 TRUTH = Truth(lever=LEVER)
 
 
-def found(folder: Path, seed: int = 0, **more: bool) -> LeverResult:
-    session = write_session(folder / f"run{seed}", truth=TRUTH, seed=seed, **more)
+def found(folder: Path, seed: int = 0, *, motor: bool = True, gyro: bool = True) -> LeverResult:
+    session = write_session(folder / f"run{seed}", truth=TRUTH, seed=seed, motor=motor, gyro=gyro)
     return calibrate_lever([driven_of(session)], assumed_rings(session))
 
 
