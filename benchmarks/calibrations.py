@@ -3,11 +3,11 @@
     uv run python benchmarks/calibrations.py [--seeds 10]
 
 The drives are the tests' own: lines and circles to both sides at 0.6 to 1.2 m/s, truth at 30 Hz
-with 0.6 mm and 0.23 deg of noise (one sigma), a gyro, a tachometer, a servo 60 ms late, tyres that slip,
-a lidar of 15 Hz and 720 beams with 5 mm among six cones and two things that look like some. The
-tape measure of the wheelbase has 2 mm (one sigma), drawn anew for each seed. `z` is the error over
-the sigma that the calibration told, root mean square over the seeds. `*_errors` take any sessions
-with the truth of their car, and are what is to be called with simulated ones.
+with 0.6 mm and 0.23 deg of noise (one sigma), a gyro, a tachometer, a servo 60 ms late, tyres that
+slip, a lidar of 15 Hz and 720 beams with 5 mm among six cones and two things that look like some.
+The tape measure of the wheelbase has 2 mm (one sigma), drawn anew for each seed. `z` is the error
+over the sigma that the calibration told, root mean square over the seeds. `*_errors` take any
+sessions with the truth of their car, and are what is to be called with simulated ones.
 """
 
 from __future__ import annotations

@@ -312,8 +312,9 @@ class Session:
 
     @property
     def deciding_files(self) -> tuple[Path, ...]:
-        """The files that decide what can be made of the session: its log and its truth."""
-        files = (self.folder / LOG_NAME, *sorted(self._truth_folder.glob("*")))
+        """What decides what can be made of the session: its log, its truth, its calibrations."""
+        truth = sorted(self._truth_folder.glob("*"))
+        files = (self.folder / LOG_NAME, *truth, *self.calibrations)
         return tuple(file for file in files if file.is_file())
 
     @property

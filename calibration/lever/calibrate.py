@@ -20,6 +20,8 @@ NAMES = ("ahead_m", "left_m", "yaw_rad", "slip_rad_s2_per_m", "metres_per_count"
 AHEAD_SIGMA_M, SIDE_SIGMA_M, YAW_SIGMA_RAD = 0.1, 0.02, 0.1
 """How wrong an assumed lever arm may be."""
 LEAST_M = 2e-4
+BEST_LEVER_M = 3e-4
+"""No lever arm is claimed to be better: rings are glued on by hand, and a car flexes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +64,7 @@ def calibrate_lever(
         raise CalibrationError("the drive does not show the lever arm:\n  " + "\n  ".join(faults))
     fit, priors = _fitted(kept)
     pose = fit.values[:3]
-    rings = _moved(assumed, pose)
+    rings = _moved(assumed, pose, float(fit.sigma[0]))
     windows = sum(len(drive.pairs) for drive in kept)
     sideways, counts = fit.residuals[:windows], fit.residuals.size > windows
     before = np.concatenate(
@@ -156,7 +158,7 @@ def _fitted(drives: Sequence[Driven]) -> tuple[RobustFit, Priors]:
     return done, Priors(priors.mean * scale, priors.sigma * np.abs(scale))
 
 
-def _moved(assumed: CarRings, pose: Floats) -> CarRings:
+def _moved(assumed: CarRings, pose: Floats, sigma_m: float) -> CarRings:
     """The rings seen from the true base_link, which has that pose in the assumed one."""
     ahead, left, yaw = pose.tolist()
     middle = 0.5 * (assumed.front_x_m + assumed.rear_x_m) - ahead
@@ -170,6 +172,7 @@ def _moved(assumed: CarRings, pose: Floats) -> CarRings:
         rear_x_m=float(x - half),
         side_m=float(y),
         yaw_rad=float(assumed.yaw_rad - yaw),
+        lever_sigma_m=max(sigma_m, BEST_LEVER_M),
     )
 
 
@@ -199,5 +202,5 @@ def scene_text(rings: CarRings) -> str:
         f"car: {{front_x_m: {rings.front_x_m:.4f}, rear_x_m: {rings.rear_x_m:.4f}, "
         f"side_m: {rings.side_m:.4f}, yaw_rad: {rings.yaw_rad:.4f},\n"
         f"      height_m: {rings.height_m:g}, height_sigma_m: {rings.height_sigma_m:g}, "
-        f"lever_sigma_m: {rings.lever_sigma_m:g}}}"
+        f"lever_sigma_m: {rings.lever_sigma_m:.4f}}}"
     )
