@@ -113,9 +113,9 @@ def _figures() -> Track:
     """Straights, then circles of two radii to either side, as an eight: slowly, then faster."""
     drawn, paces = _Line(0.55, 2.0).straight(1.45), [1.0]
     ends = [len(drawn.line)]
-    for radius_m, pace in ((0.60, 0.55), (0.75, 0.55), (0.75, 1.15)):
+    for radius_m, slower in ((0.60, 0.55), (0.75, 0.55), (0.75, 1.15)):
         drawn.arc(radius_m, 2.0 * math.pi).arc(radius_m, -2.0 * math.pi)
-        paces.append(pace)
+        paces.append(slower)
         ends.append(len(drawn.line))
     line = drawn.straight(1.4).line
     pace = np.repeat([*paces, 1.0], np.diff([0, *ends, len(line)]))
