@@ -110,14 +110,19 @@ def _loop() -> Track:
 
 
 def _figures() -> Track:
-    """Straights, then circles of two radii to either side, as an eight: slowly, then faster."""
-    drawn, paces = _Line(0.55, 2.0).straight(1.45), [1.0]
+    """A weave, circles of two radii to either side as an eight, slowly and faster, a weave.
+
+    So that every steering angle is driven, and the large ones at two speeds.
+    """
+    drawn, paces = _Line(0.55, 2.0), [1.0]
+    _weave(drawn)
     ends = [len(drawn.line)]
     for radius_m, slower in ((0.60, 0.55), (0.75, 0.55), (0.75, 1.15)):
         drawn.arc(radius_m, 2.0 * math.pi).arc(radius_m, -2.0 * math.pi)
         paces.append(slower)
         ends.append(len(drawn.line))
-    line = drawn.straight(1.4).line
+    _weave(drawn)
+    line = drawn.straight(0.2).line
     pace = np.repeat([*paces, 1.0], np.diff([0, *ends, len(line)]))
     near, middle, far = 0.2, 2.0, SIDE_M - 0.2
     around = [
@@ -125,6 +130,11 @@ def _figures() -> Track:
         (2.9, far), (1.1, far), (near, far), (near, 2.8), (near, 1.2), (middle, near),
     ]  # fmt: skip
     return Track("figures", line, np.array(around), pace)
+
+
+def _weave(drawn: _Line) -> None:
+    for turn in (0.28, -0.56, 0.28):
+        drawn.arc(1.3, turn)
 
 
 def _beside(line: Floats, left_at: Floats, right_at: Floats) -> Floats:
