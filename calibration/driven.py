@@ -21,6 +21,8 @@ WINDOW_S = 0.35
 MAX_GAP_S = 0.12
 CLUSTER_WINDOWS = 6
 MOVING_M_S = 0.05
+GYRO_SHARE = 0.9
+"""Of the stamps, that it must have been on for; those without it are then left out."""
 GYRO_RMS_RAD = 0.02
 """A gyro that leaves more of the filmed headings over does not belong to this film."""
 
@@ -93,6 +95,9 @@ def driven_of(session: Session) -> Driven:
     except MissingStreamError:
         t_ns, counts, erpm = truth.t_ns, None, None
     inside = truth.covers(t_ns, MAX_GAP_S)
+    gyro = _gyro(session, truth, t_ns[inside])
+    if gyro is not None:
+        inside &= gyro.covers(t_ns)
     if np.count_nonzero(inside) < 20:
         raise CalibrationError(
             f"{session.folder}: the ground truth and the recording of the car do not overlap; are "
@@ -100,7 +105,6 @@ def driven_of(session: Session) -> Driven:
         )
     t_ns = t_ns[inside]
     placed = truth.interpolated(t_ns)
-    gyro = _gyro(session, truth, t_ns)
     heading = np.unwrap(placed.heading) if gyro is None else gyro.heading_at(t_ns)
     start_ns = int(t_ns[0])
     servo_t_s, servo = _servo(session, start_ns)
@@ -126,8 +130,9 @@ def _gyro(session: Session, truth: Trajectory, t_ns: Stamps) -> GyroFit | None:
         found = fit_gyro(truth, session.imu())
     except MissingStreamError:
         return None
-    usable = found is not None and found.covers(t_ns) and found.rms_rad < GYRO_RMS_RAD
-    return found if usable else None
+    if found is None or found.rms_rad > GYRO_RMS_RAD:
+        return None
+    return found if found.covers(t_ns).mean() > GYRO_SHARE else None
 
 
 def _servo(session: Session, start_ns: int) -> tuple[Floats, Floats]:

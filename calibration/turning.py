@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from calibration.estimation import Priors, robust_fit
 from capture import Imu
@@ -54,10 +55,10 @@ class GyroFit:
         found: Floats = np.interp((t_ns - self._start_ns) * 1e-9, self._t_s, self._heading)
         return found
 
-    def covers(self, t_ns: Stamps) -> bool:
-        """Whether all stamps lie within the gyro's."""
+    def covers(self, t_ns: Stamps) -> npt.NDArray[np.bool_]:
+        """(n,) stamps that lie within the gyro's."""
         seconds = (t_ns - self._start_ns) * 1e-9
-        return bool(seconds.size and seconds[0] >= self._t_s[0] and seconds[-1] <= self._t_s[-1])
+        return np.asarray((seconds >= self._t_s[0]) & (seconds <= self._t_s[-1]))
 
 
 def fit_gyro(truth: Trajectory, imu: Imu) -> GyroFit | None:

@@ -15,7 +15,7 @@ from calibration.imu.scale import scale_of_turns
 from calibration.imu.still import glitch_rows, still_part
 from calibration.turning import fit_gyro
 from capture import Imu
-from geometry import Floats
+from geometry import Floats, wrap
 
 G = 9.80665
 
@@ -117,6 +117,24 @@ def test_a_path_that_does_not_turn_tells_no_scale() -> None:
     truth = Truth()
     rng, motion = np.random.default_rng(0), driven(((5.0, 0.0, 0.5),), truth)
     assert fit_gyro(ground_truth(motion, truth, rng).path, imu_of(motion, truth, rng)) is None
+
+
+def test_a_gyro_that_ends_before_the_film_tells_no_headings_after_it() -> None:
+    truth = Truth()
+    rng, motion = np.random.default_rng(0), driven(FIGURES, truth)
+    path, imu = ground_truth(motion, truth, rng).path, imu_of(motion, truth, rng)
+    part = slice(None, -200)
+    short = Imu(
+        imu.t_ns[part], imu.angular_velocity_rad_s[part], imu.linear_acceleration_m_s2[part]
+    )
+    fit = fit_gyro(path, short)
+    assert fit is not None
+    covered = fit.covers(path.t_ns)
+    assert covered[0]
+    assert not covered[-1]
+    assert covered.mean() > 0.97
+    off = wrap(fit.heading_at(path.t_ns[covered]) - path.heading[covered])
+    assert np.sqrt(np.mean(off**2)) < 1.2 * truth.heading_noise_rad
 
 
 def by_hand(turns: float, scale: float) -> Imu:
