@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -32,6 +34,8 @@ Runner = Callable[[Sequence[Job]], Done[Job, Outcome]]
 ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "OMP", "MKL", "NUMBA")}
 """Environment of a process that is one of many on a machine."""
 CONNECT_S = 10
+ENDED = 130
+"""Exit code of a process that was asked to end."""
 
 
 def cores() -> int:
@@ -72,16 +76,15 @@ def on_cores(jobs: Sequence[Job], workers: int, work: Work[Job, Outcome]) -> Don
     with _one_thread_each():
         while waiting:
             unfinished = []
-            pool = _pool(min(workers, len(waiting)))
-            try:
-                futures = {pool.submit(work, job): job for job in waiting}
+            with _pool(min(workers, len(waiting))) as pool:
+                futures: dict[Future[Outcome | Failure], Job] = {}
+                for job in waiting:
+                    futures[pool.submit(_one, work, job)] = job
                 for future in as_completed(futures):
                     try:
                         yield futures[future], future.result()
                     except BrokenProcessPool:
                         unfinished.append(futures[future])
-            finally:
-                pool.shutdown(wait=False, cancel_futures=True)
             # Jobs are begun in their order; a pool holds some more than it has processes.
             left = [job for job in waiting if any(job is one for one in unfinished)]
             at_hand = left[: 2 * workers + 1]
@@ -117,18 +120,59 @@ def on_cluster(jobs: Sequence[Job], address: str, work: Work[Job, Outcome]) -> D
 
 
 def _alone(job: Job, work: Work[Job, Outcome]) -> Outcome | Failure:
-    pool = _pool(1)
+    with _pool(1) as pool:
+        try:
+            future: Future[Outcome | Failure] = pool.submit(_one, work, job)
+            return future.result()
+        except BrokenProcessPool:
+            return Failure("its process died (out of memory, or a crash in a library)")
+
+
+@contextmanager
+def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
+    """Processes that are told to end when the block is left before its time, as by Ctrl-C."""
+    before = multiprocessing.active_children()
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_end_when_told)
     try:
-        future: Future[Outcome | Failure] = pool.submit(work, job)
-        return future.result()
-    except BrokenProcessPool:
-        return Failure("its process died (out of memory, or a crash in a library)")
+        yield pool
+    except BaseException:
+        for process in multiprocessing.active_children():
+            if process not in before:
+                process.terminate()
+        raise
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _pool(workers: int) -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
+_AT_WORK = threading.Event()
+"""Set in a process of a pool while it does a job."""
+
+
+def _end_when_told() -> None:
+    """Ctrl-C and the parent's word end this process; what is at hand clears up before."""
+    told = threading.Event()
+
+    def end(*_: object) -> None:
+        if not _AT_WORK.is_set():
+            # The pool's own code would take an exception for the outcome of a job, and go on.
+            os._exit(ENDED)
+        if not told.is_set():
+            told.set()
+            raise SystemExit(ENDED)
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, end)
+
+
+def _one(work: Work[Job, Outcome], job: Job) -> Outcome | Failure:
+    try:
+        _AT_WORK.set()
+        return work(job)
+    except SystemExit:
+        os._exit(ENDED)
+    finally:
+        _AT_WORK.clear()
 
 
 @contextmanager
