@@ -28,7 +28,7 @@ from visual_odometry import State, VisualOdometer, VoFrame
 RATE_HZ = 15.0
 ROOMS = 4
 CONES = np.array(
-    [[1.5, -0.3], [2.9, 0.6], [3.9, 2.0], [2.0, 1.2], [1.0, 1.6], [3.7, 3.6], [-0.4, 3.4],
+    [[1.5, -0.3], [2.9, 0.6], [3.9, 2.0], [2.0, 1.2], [1.2, 1.2], [3.7, 3.6], [-0.4, 3.4],
      [2.6, 4.2]]
 )  # fmt: skip
 Image = npt.NDArray[np.uint8]

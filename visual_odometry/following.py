@@ -92,12 +92,12 @@ def key_frame(pair: EyePair, eyes: Eyes, up: Floats, height_m: float, config: Vo
     at, disparity = at[known], disparity[known]
     patches = patches_at(pair.left, at)
     coarse = np.column_stack([at, at[:, 0] - disparity])
-    for _ in range(2):  # the bending needs the depth, which the bent patch then tells better
+    for rounds in (2, 3):  # the bending needs the depth, which the bent patch then tells better
         points = eyes.points(coarse)
         normals = _normals(points, up, height_m)
         bent = _bending(eyes, points, normals, Motion.none(), right=True)
         start = np.column_stack([coarse[:, 2], at[:, 1]])
-        found, alike = aligned(patches, pair.right, start, bent)
+        found, alike = aligned(patches, pair.right, start, bent, rounds)
         coarse = np.column_stack([at, np.minimum(found[:, 0], at[:, 0] - 0.5)])
     good = alike > config.least_likeness
     good &= np.abs(found[:, 1] - at[:, 1]) < config.row_px

@@ -44,7 +44,7 @@ class CameraOnCar:
         shifted = turn.T @ (self._position - move) - self._position
         return Motion(rotation, self._rotation.T @ shifted)
 
-    def car_motion(self, fit: MotionFit) -> CarMotion:
+    def car_motion(self, fit: MotionFit, covariance_factor: float = 1.0) -> CarMotion:
         """The same for base_link, from where it was at the key frame."""
         back = fit.motion.rotation.T
         turn = self._rotation @ back @ self._rotation.T
@@ -53,7 +53,7 @@ class CameraOnCar:
         pose = np.array([there[0], there[1], np.arctan2(turn[1, 0], turn[0, 0])])
         tilt = float(np.arccos(np.clip(turn[2, 2], -1.0, 1.0)))
         slopes = self._slopes(self._rotation @ back)
-        covariance: Floats = slopes @ fit.covariance @ slopes.T
+        covariance: Floats = covariance_factor * (slopes @ fit.covariance @ slopes.T)
         return CarMotion(pose, covariance, tilt, float(there[2]))
 
     def _slopes(self, outward: Floats) -> Floats:

@@ -134,7 +134,7 @@ class VisualOdometer:
         fit = self._refined(key, pair, motion)
         if fit is None:
             return None, None, "too few patches are found to be the same"
-        told = self._car.car_motion(fit)
+        told = self._car.car_motion(fit, config.covariance_factor)
         return (fit, told, "") if self._possible(told, elapsed_s) else (None, None, "impossible")
 
     def _refined(self, key: KeyFrame, pair: EyePair, motion: Motion) -> MotionFit | None:
@@ -172,7 +172,7 @@ class VisualOdometer:
         turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
         carry = np.eye(3)
         carry[:2, 2] = turn[:2, :2] @ (-y, x)
-        own = turn @ told.covariance @ turn.T * self.config.covariance_factor
+        own = turn @ told.covariance @ turn.T
         covariance: Floats = carry @ self._key_covariance @ carry.T + own
         return compose(self._key_pose, told.pose), covariance
 

@@ -16,7 +16,7 @@ from geometry import Floats
 from visual_odometry.rectification import Image
 
 HALF_PX = 6
-_ROUNDS = 3
+ROUNDS = 3
 _STEP = np.arange(-HALF_PX, HALF_PX + 1, dtype=np.float32)
 _OFFSETS = np.stack([grid.ravel() for grid in np.meshgrid(_STEP, _STEP)])
 # Less weight at the rim, where the bending is told less well.
@@ -68,17 +68,20 @@ def patches_at(image: Image, points: Floats) -> Patches:
     return Patches(values, spread, slope_x * _WEIGHT, slope_y * _WEIGHT, solver)
 
 
-def aligned(patches: Patches, image: Image, start: Floats, bent: Floats) -> tuple[Floats, Floats]:
+def aligned(
+    patches: Patches, image: Image, start: Floats, bent: Floats, rounds: int = ROUNDS
+) -> tuple[Floats, Floats]:
     """Where the patches are in an image (n, 2), from `start` (n, 2), and how alike (n,) -1..1.
 
     bent : (n, 2, 2) d pixel here / d pixel there. Brightness may differ by a factor and a shift.
+    rounds : steps of Gauss-Newton; how alike is told before the last.
     """
     if not len(start):
         return start, np.zeros(0)
     at = start.astype(np.float32)
     turn = bent.astype(np.float32)
     spread = turn @ _OFFSETS
-    for left in reversed(range(_ROUNDS)):
+    for left in reversed(range(rounds)):
         seen = _sampled(image, at, spread)
         length = np.maximum(np.sqrt((seen * seen) @ _WEIGHT), 1e-3)
         differs = seen * (patches.spread / length)[:, None]

@@ -11,7 +11,7 @@ import numpy as np
 from calibration.camera import where_to_show
 from calibration.errors import CalibrationError
 from calibration.stereo.fit import StereoFit, fit_stereo
-from calibration.stereo.sightings import PairSightings
+from calibration.stereo.sightings import PairSighting, PairSightings
 from capture import StereoCalibration, ViewResidual, now_utc
 from drivers.camera import read_zed_settings
 from drivers.camera.zed import EyeCalibration
@@ -50,17 +50,7 @@ def calibrate_stereo(
             f"the board was seen by both eyes in none of {seen.pictures} pictures; expected "
             f"{words}: is that the board, wholly in both halves, sharp, flat and lit?"
         )
-    used, left_out = list(seen.found), list[ViewResidual]()
-    fit = fit_stereo(used, seen.size_px)
-    while (worst := _outlier(fit, limits)) is not None and len(used) > limits.least_views:
-        if len(left_out) + 1 > limits.max_left_out * len(seen.found):
-            break
-        gone, off = used.pop(worst), float(fit.view_rms_px[worst])
-        why = f"{off / float(np.median(fit.view_rms_px)):.1f} times as far off as the median view"
-        left_out.append(ViewResidual(
-            name=gone.name, points=len(gone.left), rms_px=off, used=False, why=why
-        ))  # fmt: skip
-        fit = fit_stereo(used, seen.size_px)
+    used, left_out, fit = _without_outliers(seen, seen.size_px, limits)
     reasons = _reasons(fit, seen.cells, len(left_out), limits)
     views = [
         ViewResidual(name=one.name, points=len(one.left), rms_px=float(off))
@@ -99,6 +89,24 @@ def _camera(eye: EyeCalibration, size_px: tuple[int, int]) -> Camera:
     matrix = eye.matrix
     values = [matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], *eye.distortion]
     return camera_of(np.array(values), *size_px)
+
+
+def _without_outliers(
+    seen: PairSightings, size_px: tuple[int, int], limits: StereoLimits
+) -> tuple[list[PairSighting], list[ViewResidual], StereoFit]:
+    """Views that agree, those that do not, worst first, and the fit of the former."""
+    used, left_out = list(seen.found), list[ViewResidual]()
+    fit = fit_stereo(used, size_px)
+    while (worst := _outlier(fit, limits)) is not None and len(used) > limits.least_views:
+        if len(left_out) + 1 > limits.max_left_out * len(seen.found):
+            break
+        gone, off = used.pop(worst), float(fit.view_rms_px[worst])
+        why = f"{off / float(np.median(fit.view_rms_px)):.1f} times as far off as the median view"
+        left_out.append(ViewResidual(
+            name=gone.name, points=len(gone.left), rms_px=off, used=False, why=why
+        ))  # fmt: skip
+        fit = fit_stereo(used, size_px)
+    return used, left_out, fit
 
 
 def _outlier(fit: StereoFit, limits: StereoLimits) -> int | None:

@@ -54,20 +54,13 @@ def fit_stereo(views: Sequence[PairSighting], size_px: tuple[int, int]) -> Stere
     """
     import cv2
 
-    starts = [
-        fit_intrinsics(
-            [BoardSighting(v.name, v.points_m, pixels) for v, pixels in eye], size_px, 0.0
-        )
+    lenses = [
+        _lens([BoardSighting(v.name, v.points_m, at) for v, at in eye], size_px)
         for eye in ([(v, v.left) for v in views], [(v, v.right) for v in views])
     ]
     points = [view.points_m.astype(np.float32) for view in views]
     lefts = [view.left.astype(np.float32) for view in views]
     rights = [view.right.astype(np.float32) for view in views]
-    # Without tangential terms and k3, as the factory has it: they would be told apart from a turn
-    # of the eye by nothing but noise.
-    lenses = [
-        (one.camera.matrix, np.array([*one.camera.distortion[:2], 0.0, 0.0, 0.0])) for one in starts
-    ]
     stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 100, 1e-10)
     try:
         _, k1, d1, k2, d2, rotation, move, _, _, turns, moves, _ = cv2.stereoCalibrateExtended(
@@ -89,6 +82,16 @@ def fit_stereo(views: Sequence[PairSighting], size_px: tuple[int, int]) -> Stere
     places = [np.concatenate([np.ravel(t), np.ravel(m)]) for t, m in zip(turns, moves, strict=True)]
     residuals, covariance = _residuals(views, places, pair)
     return StereoFit(pair, residuals, covariance, epipolar_errors(pair, views))
+
+
+def _lens(sightings: Sequence[BoardSighting], size_px: tuple[int, int]) -> tuple[Floats, Floats]:
+    """Matrix and distortion of one eye, to begin with.
+
+    Without tangential terms and k3, as the factory has it: they would be told apart from a turn of
+    the eye by nothing but noise.
+    """
+    camera = fit_intrinsics(sightings, size_px, 0.0).camera
+    return camera.matrix, np.array([*camera.distortion[:2], 0.0, 0.0, 0.0])
 
 
 def epipolar_errors(pair: StereoPair, views: Sequence[PairSighting]) -> Floats:

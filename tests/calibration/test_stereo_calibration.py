@@ -24,10 +24,17 @@ from capture import (
 from capture.log_writer import LogWriter
 from capture.sensor_messages import image_message
 from capture.topics import IMAGE_TYPE, ZED_LOG_NAME, ZED_TOPIC
-from geometry import Floats, Mounting, View
+from geometry import Floats, Mounting, View, between
 from simulation.boards import held_boards, render_sheet
-from simulation.stereo import ZED_MOUNTING, write_factory_file, zed_calibration, zed_pair
+from simulation.stereo import (
+    ZED_MOUNTING,
+    StereoScene,
+    write_factory_file,
+    zed_calibration,
+    zed_pair,
+)
 from trackside.cli import trackside
+from visual_odometry import VisualOdometer
 
 PAIR = zed_pair()
 MOUNTED = ("--x", "20cm", "--y", "60mm", "--z", "0.22", "--pitch", "12")
@@ -88,6 +95,19 @@ def test_baseline_and_turn_of_a_rendered_pair_are_found(shown: tuple[Picture, ..
     off = (result.pair.translation - PAIR.translation) / result.translation_sigma_m
     assert np.abs(off).max() < 5.0
     assert 1e-6 < result.translation_sigma_m[0] < 1e-4
+
+
+def test_visual_odometry_with_what_was_found_drifts_little(shown: tuple[Picture, ...]) -> None:
+    """A turn of 1.6 m in a rendered room: scale and turning hang on the calibration alone."""
+    result = calibrate_stereo(found(CHESSBOARD, shown), ZED_MOUNTING, {})
+    room = StereoScene(np.array([[3.0, 0.5]]), seed=1)
+    odometer = VisualOdometer(result.pair, result.mounting)
+    turn = np.linspace(0.0, 1.07, 41)
+    poses = np.stack([1.5 * np.sin(turn), 1.5 * (1.0 - np.cos(turn)), turn], axis=1)
+    frames = [odometer.add(k * 66_666_667, room.frame(pose)) for k, pose in enumerate(poses)]
+    off = between(poses[-1], frames[-1].pose)
+    assert np.hypot(*off[:2]) < 0.005 * 1.6
+    assert abs(off[2]) < np.radians(0.3)
 
 
 def test_a_view_of_another_moment_is_left_out(shown: tuple[Picture, ...]) -> None:

@@ -41,7 +41,8 @@ def floor_at(image: npt.NDArray[np.uint8], pixels: Floats) -> Floats:
 
 def test_a_frame_is_two_eyes_side_by_side() -> None:
     frame = QUIET.frame(POSE)
-    assert (frame.shape, frame.dtype) == ((376, 1344), np.uint8)
+    assert frame.shape == (376, 1344)
+    assert frame.dtype == np.uint8
     left, right = split_stereo(frame)
     assert left.std() > 20
     assert np.abs(left.astype(float) - right).mean() > 10

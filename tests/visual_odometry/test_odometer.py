@@ -121,9 +121,11 @@ def test_a_dark_beginning_is_lost_until_there_is_light() -> None:
 
 def test_another_exposure_is_no_other_place() -> None:
     poses = arc(length_m=0.8)
-    frames = seen(
-        poses, lambda k, image: cv2.convertScaleAbs(image, alpha=1.0 - 0.4 * (k // 4 % 2))
-    )
+
+    def exposed(k: int, image: Image) -> Image:
+        return np.asarray(cv2.convertScaleAbs(image, alpha=1.0 - 0.4 * (k // 4 % 2)), np.uint8)
+
+    frames = seen(poses, exposed)
     assert {frame.state for frame in frames[1:]} == {State.TRACKED}
     assert np.hypot(*off_at_end(poses, frames)[:2]) < 0.003
 

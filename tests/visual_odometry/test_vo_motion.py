@@ -143,7 +143,7 @@ def test_a_patch_is_brought_to_its_place_though_it_is_bent_and_dimmed() -> None:
     shift = np.array([3.3, -1.7])
     matrix = np.column_stack([bent, shift - bent @ points[0] + points[0]])
     seen = cv2.warpAffine(image, matrix, (160, 120), flags=cv2.INTER_CUBIC)
-    dimmed = cv2.convertScaleAbs(seen, alpha=0.6, beta=20.0)
+    dimmed = np.asarray(cv2.convertScaleAbs(seen, alpha=0.6, beta=20.0), np.uint8)
     true = points @ bent.T + matrix[:, 2]
     patches = patches_at(image, points)
     found, alike = aligned(
