@@ -1,8 +1,10 @@
 """One module for each thing that is calibrated: measurements in, parameters and a verdict out.
 
 The inside of a camera from pictures of a board, and its place above the floor from rings whose
-distances were measured. What comes out is a dated file (`capture.CameraCalibration`,
-`capture.WorldCalibration`) that says how it was made, what was left over, and whether to trust it.
+distances were measured; of the car, from drives in sight of that camera: where its rings are
+(`lever/`), what counts and servo mean (`odometry/`), where the lidar is (`lidar/`), and what its
+IMU does (`imu/`). What comes out is a dated file (`capture.KINDS`) that says how it was made, what
+was left over, and whether to trust it.
 """
 
 from calibration.board import Board, BoardSighting

@@ -109,7 +109,7 @@ def show(place: Path, table_format: str) -> None:
     from capture import read_calibration
 
     files = _shown_files(place)
-    for note in _rig_notes(place, files):
+    for note in _notes(place, files):
         click.echo(note, err=True)
     if not files:
         raise UsageError(f"{place}: nothing to show; trackside calibrate camera makes the first")
@@ -124,7 +124,7 @@ def show(place: Path, table_format: str) -> None:
 
 def _shown_files(place: Path) -> dict[str, Path]:
     """Kind -> file: of a file itself, of a session what is in force, of a folder the newest."""
-    from capture import KINDS, CalibrationFileError, accepted_file, calibration_file, kind_of
+    from capture import KINDS, accepted_file, kind_of
     from capture.session_info import FILE_NAME
 
     if place.is_file():
@@ -135,20 +135,28 @@ def _shown_files(place: Path) -> dict[str, Path]:
     if (place / FILE_NAME).exists():
         found = {kind: accepted_file(place / "calibration", kind) for kind in KINDS}
         return {kind: file for kind, file in found.items() if file is not None}
-    files = {}
-    for kind in KINDS:
-        try:
-            files[kind] = calibration_file(place, kind)
-        except CalibrationFileError as err:
-            click.echo(str(err), err=True)
-    return files
+    if not place.is_dir():
+        raise UsageError(f"{place}: there is no such file or folder")
+    newest = {kind: sorted(place.glob(f"{kind}_*.yaml"))[-1:] for kind in KINDS}
+    missing = ", ".join(kind for kind, files in newest.items() if not files)
+    if missing:
+        click.echo(f"{place}: has none of {missing}", err=True)
+    return {kind: files[0] for kind, files in newest.items() if files}
 
 
-def _rig_notes(place: Path, files: dict[str, Path]) -> list[str]:
-    from capture import Session
+def _notes(place: Path, files: dict[str, Path]) -> list[str]:
+    """What else is in force: an older one where the newest was rejected, the words of a rig."""
+    from capture import Session, accepted_file
     from capture.session_info import FILE_NAME
 
-    if not (place / FILE_NAME).exists() or "odometry" in files:
+    if not (place / FILE_NAME).exists():
+        older = {kind: accepted_file(place, kind) for kind in files if place.is_dir()}
+        return [
+            f"{files[kind].name} was rejected; a session takes {file.name}"
+            for kind, file in older.items()
+            if file is not None and file != files[kind]
+        ]
+    if "odometry" in files:
         return []
     known = Session.open(place).motor_calibration()
     return [f"odometry: {known or 'unknown'}, by the rig in {place / FILE_NAME}"]

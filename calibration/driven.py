@@ -68,10 +68,15 @@ class Driven:
         return np.arange(len(self.pairs)) // CLUSTER_WINDOWS
 
     def servo_means(self, lag_s: float) -> Floats:
-        """(n - 1,) what the servo was told on average in each step, `lag_s` before; NaN before."""
-        edges = np.append(self.servo_t_s, max(float(self.t_s[-1]), float(self.servo_t_s[-1])) + 1.0)
+        """(n - 1,) what the servo was told on average in each step, `lag_s` before.
+
+        Before the first command it is taken to have stood where that put it.
+        """
+        first = min(float(self.t_s[0]), float(self.servo_t_s[0])) - 10.0
+        last = max(float(self.t_s[-1]), float(self.servo_t_s[-1])) + 10.0
+        edges = np.concatenate([[first], self.servo_t_s[1:], [last]])
         summed = np.concatenate([[0.0], np.cumsum(self.servo * np.diff(edges))])
-        at = np.interp(self.t_s - lag_s, edges, summed, left=np.nan)
+        at = np.interp(self.t_s - lag_s, edges, summed)
         return np.asarray(np.diff(at) / np.diff(self.t_s))
 
 

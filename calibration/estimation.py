@@ -40,7 +40,7 @@ class RobustFit:
     """What was found.
 
     values (p,) and covariance (p, p); residuals (n,) in their own units, weight (n,) 0 to 1;
-    noise : standard deviation of each group's rows; information : (p, p) of the data alone.
+    noise : standard deviation of each group's rows.
     """
 
     values: Floats
@@ -48,7 +48,6 @@ class RobustFit:
     residuals: Floats
     weight: Floats
     noise: Floats
-    information: Floats
 
     @property
     def sigma(self) -> Floats:
@@ -126,7 +125,7 @@ def _with_covariance(
     covariance = inverse @ (enough * summed.T @ summed + priors.information) @ inverse
     lift = np.sqrt(np.maximum(np.diag(inverse) / np.maximum(np.diag(covariance), 1e-300), 1.0))
     covariance = covariance * np.outer(lift, lift)
-    return RobustFit(values, covariance, left, weight, noise, information)
+    return RobustFit(values, covariance, left, weight, noise)
 
 
 def _slopes(residuals: Callable[[Floats], Floats], values: Floats, scale: Floats) -> Floats:

@@ -19,6 +19,18 @@ from capture import (
 from dialogue import Cell, Table
 
 _CORRELATED = 0.9
+KEY_NUMBERS = {
+    "odometry": (
+        "speed_to_erpm_gain",
+        "steering_angle_to_servo_gain",
+        "steering_angle_to_servo_offset",
+        "wheelbase_m",
+    ),
+    "imu": ("gyro_bias_z_rad_s", "gyro_scale", "gravity_m_s2"),
+    "lidar": ("x_m", "y_m", "yaw_rad", "range_bias_m"),
+    "markers": ("front_x_m", "rear_x_m", "side_m", "yaw_rad"),
+}
+"""What one wants to see of a kind at a glance."""
 
 
 def tables_of(calibration: Calibration) -> list[Table]:
@@ -88,7 +100,9 @@ def _key_numbers(calibration: Calibration) -> str:
         return f"delay {1e3 * calibration.delay_s:.2f} +- {1e3 * calibration.sigma_s:.2f} ms"
     if isinstance(calibration, StereoCalibration):
         return f"base line {1e3 * calibration.pair.baseline_m:.1f} mm"
-    return ", ".join(f"{one.name} {one.value:.5g}" for one in calibration.parameters[:4])
+    values = {one.name: one.value for one in calibration.parameters}
+    told = [name for name in KEY_NUMBERS[calibration.kind] if name in values]
+    return ", ".join(f"{name} {values[name]:.5g}" for name in told)
 
 
 def camera_table(calibration: CameraCalibration) -> Table:

@@ -369,10 +369,10 @@ class Session:
 
     @property
     def deciding_files(self) -> tuple[Path, ...]:
-        """The files that decide what can be made of the session: its logs and its truth."""
+        """What decides what can be made of the session: its logs, truth and calibrations."""
         # None of them is opened: a log that is damaged has content, too.
         logs = sorted(f for f in self.folder.glob("[!.]*.mcap") if f.name not in IMAGE_LOGS)
-        files = (*logs, *sorted(self._truth_folder.glob("*")))
+        files = (*logs, *sorted(self._truth_folder.glob("*")), *self.calibrations)
         return tuple(file for file in files if file.is_file())
 
     @property

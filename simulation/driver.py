@@ -61,7 +61,8 @@ class Driver:
     def __init__(
         self, track: Track, setting: Power, wheelbase_m: float, rng: np.random.Generator
     ) -> None:
-        self._line, self._power, self._wheelbase_m = track.line, setting, wheelbase_m
+        self._line, self._pace = track.line, track.pace
+        self._power, self._wheelbase_m = setting, wheelbase_m
         step = np.hypot(*np.diff(track.line, axis=0).T)
         self._travelled = np.concatenate([[0.0], np.cumsum(step)])
         self._near = 0
@@ -84,9 +85,13 @@ class Driver:
         ahead = (aim_x - x) * math.cos(heading) + (aim_y - y) * math.sin(heading)
         aside = (aim_y - y) * math.cos(heading) - (aim_x - x) * math.sin(heading)
         curvature = 2.0 * aside / max(ahead * ahead + aside * aside, 1e-6)
-        wanted = min(self._speed_m_s, 0.10 + PULL_M_S2 * t_s, math.sqrt(2.0 * PULL_M_S2 * left_m))
+        pace = float(self._pace[self._near])
+        speed = self._speed_m_s * pace
+        wanted = min(speed, 0.10 + PULL_M_S2 * t_s, math.sqrt(2.0 * PULL_M_S2 * left_m))
         wheel = wanted + REACTION * min(wanted - speed_m_s, 0.1)
-        if abs(curvature) > TURNING_PER_M and self._bursting(t_s) and left_m > 0.6:
+        turns = abs(curvature) > TURNING_PER_M and left_m > 0.6
+        # Where a pace is told the driver measures, he does not race.
+        if turns and pace == 1.0 and self._bursting(t_s):
             wheel += self._power.burst * self._speed_m_s
         return Command(max(wheel, 0.0), math.atan(self._wheelbase_m * curvature))
 

@@ -24,11 +24,15 @@ _STEP_M = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """line : (k, 2) points 1 cm apart, the first is the start; cones : (n, 2)."""
+    """line : (k, 2) points 1 cm apart, the first is the start; cones : (n, 2).
+
+    pace : (k,) how fast the line is driven at each point, 1 as the power has it.
+    """
 
     name: str
     line: Floats
     cones: Floats
+    pace: Floats
 
     @property
     def length_m(self) -> float:
@@ -84,14 +88,15 @@ class _Line:
 
 def _turn() -> Track:
     line = _Line(0.55, 0.75).straight(1.45).arc(1.1, math.pi / 2).straight(1.4).line
-    return Track("turn", line, _beside(line, np.linspace(0.45, 4.4, 7), np.linspace(0.45, 4.4, 7)))
+    at = np.linspace(0.45, 4.4, 7)
+    return Track("turn", line, _beside(line, at, at), np.ones(len(line)))
 
 
 def _s_curve() -> Track:
     quarter = math.pi / 2
     line = _Line(0.5, 0.8).straight(0.5).arc(1.0, quarter).arc(1.0, -quarter).straight(0.5).line
     at = np.linspace(0.4, 3.9, 8)
-    return Track("s-curve", line, _beside(line, at, at))
+    return Track("s-curve", line, _beside(line, at, at), np.ones(len(line)))
 
 
 def _loop() -> Track:
@@ -101,21 +106,25 @@ def _loop() -> Track:
         2.0 + radius * np.stack([np.sin(angle), -np.cos(angle)], axis=1)
         for radius, angle in ((1.25 + LANE_M, outside + 0.2), (1.25 - LANE_M, inside + 0.4))
     ]
-    return Track("loop", line, np.concatenate(ring))
+    return Track("loop", line, np.concatenate(ring), np.ones(len(line)))
 
 
 def _figures() -> Track:
-    """Straights, then circles of two radii to either side, as an eight."""
-    drawn = _Line(0.55, 2.0).straight(1.45)
-    for radius_m in (0.60, 0.75):
+    """Straights, then circles of two radii to either side, as an eight: slowly, then faster."""
+    drawn, paces = _Line(0.55, 2.0).straight(1.45), [1.0]
+    ends = [len(drawn.line)]
+    for radius_m, slower in ((0.60, 0.55), (0.75, 0.55), (0.75, 1.15)):
         drawn.arc(radius_m, 2.0 * math.pi).arc(radius_m, -2.0 * math.pi)
+        paces.append(slower)
+        ends.append(len(drawn.line))
     line = drawn.straight(1.4).line
+    pace = np.repeat([*paces, 1.0], np.diff([0, *ends, len(line)]))
     near, middle, far = 0.2, 2.0, SIDE_M - 0.2
     around = [
         (near, near), (1.1, near), (2.9, near), (far, near), (far, 1.2), (far, 2.8), (far, far),
         (2.9, far), (1.1, far), (near, far), (near, 2.8), (near, 1.2), (middle, near),
     ]  # fmt: skip
-    return Track("figures", line, np.array(around))
+    return Track("figures", line, np.array(around), pace)
 
 
 def _beside(line: Floats, left_at: Floats, right_at: Floats) -> Floats:

@@ -28,13 +28,13 @@ from calibration.clocks.network import (
 from calibration.clocks.picture import write_join_picture
 from calibration.clocks.record import fit_record
 from capture import (
-    CalibrationFileError,
     CameraDelayCalibration,
     FilmClock,
     GroundTruth,
     MissingStreamError,
     PeerClock,
     Session,
+    accepted_file,
     keep_pictures,
     mapped_truth,
     new_joined_session,
@@ -233,9 +233,7 @@ def _delay(film: Session, place: Path | None) -> CameraDelayCalibration | None:
     if place is not None:
         folders.insert(0, place.parent if place.is_file() else place)
     for folder in folders:
-        try:
-            return read_camera_delay(folder)
-        except CalibrationFileError:
-            if folder.is_dir() and any(folder.glob("camera-delay_*.yaml")):
-                raise
+        file = accepted_file(folder, "camera-delay")
+        if file is not None:
+            return read_camera_delay(file)
     return None

@@ -37,15 +37,16 @@ _PATH = click.Path(path_type=Path)
 def imu(
     ctx: click.Context, place: Path, truths: tuple[Path, ...], turns: float | None, output: Path
 ) -> None:
-    r"""Bias, noise and scale of the gyro, gravity and mounting, hard and soft iron of a compass.
+    """Bias, noise and scale of the gyro, gravity and mounting, hard and soft iron of a compass.
 
-    \b
     On site, one of these or both:
+
     1. trackside record --map bench: leave the car alone, motor off, for two minutes or more (an
-       hour shows the bias instability); nobody walks beside it.
+    hour shows the bias instability); nobody walks beside it.
+
     2. For the scale: a tracked session with circles (--truth), or by hand: 5 s at rest on a mark,
-       five full turns on the floor, 5 s at rest on the mark (--turns 5). For the compass go on:
-       nose up and round, on its side and round.
+    five full turns on the floor, 5 s at rest on the mark (--turns 5). For the compass go on:
+    nose up and round, on its side and round.
 
     A CSV is an imu.csv of trackside export csv. Exit code 1 when it is rejected.
     """

@@ -13,7 +13,7 @@ from geometry import Floats
 
 Mask = npt.NDArray[np.bool_]
 WINDOW_S = 0.5
-LEAST_S = 2.0
+LEAST_S = 1.5
 QUIET_RAD_S, NOISY_RAD_S = float(np.deg2rad(0.3)), float(np.deg2rad(1.0))
 SHAKEN_M_S2 = 0.1
 """A car that rolls shakes its accelerometer by more, or by more than twice what rest does."""
@@ -91,7 +91,7 @@ def still_rows(imu: Imu, glitches: Mask, period_s: float) -> Mask:
         if len(rows) > size // 2:
             spread = rows.std(axis=0)
             std[k], mean[k] = (spread[:3].max(), spread[3:].max()), rows[:, :3].mean(axis=0)
-    quietest = np.percentile(std, 10, axis=0) if len(std) else np.full(2, np.inf)
+    quietest = std.min(axis=0) if len(std) else np.full(2, np.inf)
     turned = min(max(2.0 * float(quietest[0]), QUIET_RAD_S), NOISY_RAD_S)
     quiet = (std[:, 0] < turned) & (std[:, 1] < max(2.0 * float(quietest[1]), SHAKEN_M_S2))
     if not quiet.any():

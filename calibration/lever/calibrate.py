@@ -11,7 +11,13 @@ import numpy as np
 from calibration.driven import Driven, stacked_clusters
 from calibration.errors import CalibrationError
 from calibration.estimation import Priors, RobustFit, rests_on, robust_fit
-from calibration.lever.model import SLIP_MEAN, SLIP_SIGMA, displacement_residuals, forward_m
+from calibration.lever.model import (
+    SLIP_MEAN,
+    SLIP_SIGMA,
+    displacement_residuals,
+    per_count_m,
+    spinning,
+)
 from capture import MeasuredCalibration, Parameter, now_utc
 from geometry import Floats
 from tracking import CarRings
@@ -20,13 +26,16 @@ NAMES = ("ahead_m", "left_m", "yaw_rad", "slip_rad_s2_per_m", "metres_per_count"
 AHEAD_SIGMA_M, SIDE_SIGMA_M, YAW_SIGMA_RAD = 0.1, 0.02, 0.1
 """How wrong an assumed lever arm may be."""
 LEAST_M = 2e-4
+MOST_SLIP_SIGMAS = 3.0
+BEST_LEVER_M = 3e-4
+"""No lever arm is claimed to be better: rings are glued on by hand, and a car flexes."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LeverLimits:
     """When a lever arm is accepted, and what a drive must have shown."""
 
-    max_ahead_sigma_m: float = field(default=0.002, metadata={"min": 0.0})
+    max_ahead_sigma_m: float = field(default=0.003, metadata={"min": 0.0})
     max_yaw_sigma_rad: float = field(default=0.006, metadata={"min": 0.0})
     max_lateral_m_s2: float = field(default=2.5, metadata={"min": 0.0})
     """Faster windows are left out: there the slip of the tyres is no longer linear."""
@@ -62,7 +71,7 @@ def calibrate_lever(
         raise CalibrationError("the drive does not show the lever arm:\n  " + "\n  ".join(faults))
     fit, priors = _fitted(kept)
     pose = fit.values[:3]
-    rings = _moved(assumed, pose)
+    rings = _moved(assumed, pose, float(fit.sigma[0]))
     windows = sum(len(drive.pairs) for drive in kept)
     sideways, counts = fit.residuals[:windows], fit.residuals.size > windows
     before = np.concatenate(
@@ -101,7 +110,8 @@ def calibrate_lever(
 def _usable(drive: Driven, limits: LeverLimits) -> Driven:
     period = np.diff(drive.t_s[drive.pairs], axis=1)[:, 0]
     lateral = drive.speed_m_s * np.abs(drive.turn_rad) / period
-    return dataclasses.replace(drive, pairs=drive.pairs[lateral <= limits.max_lateral_m_s2])
+    good = (lateral <= limits.max_lateral_m_s2) & ~spinning(drive)
+    return dataclasses.replace(drive, pairs=drive.pairs[good])
 
 
 def _faults(drives: Sequence[Driven], limits: LeverLimits) -> list[str]:
@@ -109,7 +119,7 @@ def _faults(drives: Sequence[Driven], limits: LeverLimits) -> list[str]:
     faults = []
     if windows < limits.least_windows:
         faults.append(
-            f"it drove in {windows} windows below {limits.max_lateral_m_s2:g} m/s^2 only, expected "
+            f"it rolled gently in {windows} windows only, expected "
             f"{limits.least_windows}: drive slow circles for half a minute"
         )
     turns = np.concatenate([drive.turn_rad for drive in drives])
@@ -125,15 +135,7 @@ def _faults(drives: Sequence[Driven], limits: LeverLimits) -> list[str]:
 
 def _fitted(drives: Sequence[Driven]) -> tuple[RobustFit, Priors]:
     """Rows: what is left across the car; then, of drives with a tachometer, along it."""
-    counted = [drive for drive in drives if drive.counts is not None]
-    ratios = [
-        forward_m(d) / np.where(c == 0, np.nan, c)
-        for d in counted
-        if d.counts is not None
-        for c in [np.diff(d.counts[d.pairs], axis=1)[:, 0]]
-    ]
-    per_count = float(np.nanmedian(np.concatenate(ratios))) if ratios else 1.0
-    scale = np.array([1.0, 1.0, 1.0, 1.0, per_count])
+    scale = np.array([1.0, 1.0, 1.0, 1.0, per_count_m(drives)])
 
     def residuals(x: Floats) -> Floats:
         left = [displacement_residuals(drive, *(x * scale).tolist()) for drive in drives]
@@ -156,7 +158,7 @@ def _fitted(drives: Sequence[Driven]) -> tuple[RobustFit, Priors]:
     return done, Priors(priors.mean * scale, priors.sigma * np.abs(scale))
 
 
-def _moved(assumed: CarRings, pose: Floats) -> CarRings:
+def _moved(assumed: CarRings, pose: Floats, sigma_m: float) -> CarRings:
     """The rings seen from the true base_link, which has that pose in the assumed one."""
     ahead, left, yaw = pose.tolist()
     middle = 0.5 * (assumed.front_x_m + assumed.rear_x_m) - ahead
@@ -170,6 +172,7 @@ def _moved(assumed: CarRings, pose: Floats) -> CarRings:
         rear_x_m=float(x - half),
         side_m=float(y),
         yaw_rad=float(assumed.yaw_rad - yaw),
+        lever_sigma_m=max(sigma_m, BEST_LEVER_M),
     )
 
 
@@ -185,6 +188,12 @@ def _reasons(fit: RobustFit, limits: LeverLimits) -> list[str]:
             f"{1e3 * limits.max_ahead_sigma_m:g} mm: drive more circles to both sides, some as "
             "slowly as it goes and some at twice that, which tells the slip of the tyres"
         )
+    slip = float(fit.values[3])
+    if abs(slip - SLIP_MEAN) > MOST_SLIP_SIGMAS * SLIP_SIGMA:
+        reasons.append(
+            f"its tail slips by {1e3 * slip:.0f} mrad for each m/s^2, which no rolling tyre does "
+            f"({1e3 * SLIP_MEAN:.0f} +- {1e3 * SLIP_SIGMA:.0f}): it drifted; drive gently"
+        )
     if not yaw <= limits.max_yaw_sigma_rad:
         reasons.append(
             f"the yaw of the rings is known to {np.degrees(yaw):.2f} deg only, at most "
@@ -199,5 +208,5 @@ def scene_text(rings: CarRings) -> str:
         f"car: {{front_x_m: {rings.front_x_m:.4f}, rear_x_m: {rings.rear_x_m:.4f}, "
         f"side_m: {rings.side_m:.4f}, yaw_rad: {rings.yaw_rad:.4f},\n"
         f"      height_m: {rings.height_m:g}, height_sigma_m: {rings.height_sigma_m:g}, "
-        f"lever_sigma_m: {rings.lever_sigma_m:g}}}"
+        f"lever_sigma_m: {rings.lever_sigma_m:.4f}}}"
     )

@@ -16,13 +16,15 @@ _PATH = click.Path(path_type=Path)
 @FOLDER
 @click.pass_context
 def markers(ctx: click.Context, sessions: tuple[Path, ...], output: Path) -> None:
-    r"""Where the two rings sit on the car: ahead of the rear axle, to its side, their line's yaw.
+    """Where the two rings sit on the car: ahead of the rear axle, to its side, their line's yaw.
 
-    \b
     On site, in view of the overhead camera:
+
     1. Glue both rings on the car for good; measure them roughly into scene.yaml.
+
     2. Drive two full circles to the left and two to the right as slowly as it goes, the same at
-       about twice that speed (which tells the slip of the tyres), and a few metres straight on.
+    about twice that speed (which tells the slip of the tyres), and a few metres straight on.
+
     3. trackside join, trackside track, then this with all such SESSIONS (one scene.yaml for all).
 
     The truth's own lever arm is read from it, so the result is absolute. The side needs the

@@ -8,13 +8,22 @@ a yaw: over each window its displacement must then differ from that of the axle 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+import numpy.typing as npt
 
 from calibration.driven import Driven, window_sums
 from geometry import Floats
 
-SLIP_MEAN, SLIP_SIGMA = 0.01, 0.01
-"""Slip angle of the rear axle for each m/s^2 [rad s^2/m]: rubber on carpet or asphalt 0 to 0.03."""
+SLIP_MEAN, SLIP_SIGMA = 0.019, 0.006
+"""Slip angle of the rear axle for each m/s^2 [rad s^2/m].
+
+One over gravity and the cornering stiffness per load, which was identified on an F1TENTH car as
+4.72 (front) and 5.46 (rear) per rad (f1tenth_gym, C_Sf, C_Sr): 0.0216 and 0.0187. Floors differ.
+"""
+SPIN_SHARE, SPIN_M = 0.06, 0.005
+"""So far counts and film may differ in a window, by share of its way or in all."""
 
 
 def displacement_residuals(
@@ -41,6 +50,34 @@ def displacement_residuals(
         gone = mean * (speed * np.sign(_forward(drive)))[:, None]
     left = at[j] - at[i] - _turned(gone, drift)
     return _turned(left, -0.5 * (heading[i] + heading[j]) - yaw_rad)
+
+
+def spinning(drive: Driven) -> npt.NDArray[np.bool_]:
+    """(w,) windows in which the wheels turned by other than the car went, and their neighbours.
+
+    A tyre that spins gives way to the side, too: what holds of rolling ones does not hold there.
+    """
+    if drive.counts is None or not len(drive.pairs):
+        return np.zeros(len(drive.pairs), bool)
+    counted = np.diff(drive.counts[drive.pairs], axis=1)[:, 0]
+    went = forward_m(drive)
+    off = np.abs(counted * per_count_m([drive]) - went)
+    apart = off > np.maximum(SPIN_SHARE * np.abs(went), SPIN_M)
+    near: npt.NDArray[np.bool_] = apart.copy()
+    near[1:] |= apart[:-1]
+    near[:-1] |= apart[1:]
+    return near
+
+
+def per_count_m(drives: Sequence[Driven]) -> float:
+    """Metres for each count, the median of all windows of drives with a tachometer; 1 without."""
+    ratios = [np.zeros(0)]
+    for drive in drives:
+        if drive.counts is not None:
+            counted = np.diff(drive.counts[drive.pairs], axis=1)[:, 0]
+            ratios.append(forward_m(drive)[counted != 0] / counted[counted != 0])
+    every = np.concatenate(ratios)
+    return float(np.median(every)) if every.size else 1.0
 
 
 def _forward(drive: Driven) -> Floats:

@@ -25,12 +25,14 @@ _PATH = click.Path(path_type=Path)
 @FOLDER
 @click.pass_context
 def lidar(ctx: click.Context, sessions: tuple[Path, ...], cone_radius: float, output: Path) -> None:
-    r"""Where the lidar sits on the car (x, y, yaw), from cones of known place.
+    """Where the lidar sits on the car (x, y, yaw), from cones of known place.
 
-    \b
     On site, in view of the overhead camera:
+
     1. Set up six or more cones as for a run, also left and right of the path; film their rings.
+
     2. Drive for half a minute among them, slowly, turning both ways, passing them within 2 m.
+
     3. trackside join, trackside track, then this with all such SESSIONS.
 
     Best after calibrate markers: what the rings' lever arm is wrong by, this is, too. It also tells

@@ -44,14 +44,16 @@ def odometry(
     speed_only: bool,
     output: Path,
 ) -> None:
-    r"""Speed gain, steering gain and offset, wheelbase, servo lag, against the overhead truth.
+    """Speed gain, steering gain and offset, wheelbase, servo lag, against the overhead truth.
 
-    \b
     On site, in view of the overhead camera:
+
     1. Measure the wheelbase with a tape, axle to axle.
+
     2. trackside record --map figures: stand 3 s; then through the motor controller a straight
-       line, two slow full circles to the left, two to the right, the same again twice as fast,
-       and some with the wheels turned nearly as far as they go.
+    line, two slow full circles to the left, two to the right, the same again twice as fast,
+    and some with the wheels turned nearly as far as they go.
+
     3. trackside join, trackside track, then this with all such SESSIONS.
 
     What the data cannot tell is refused with what to drive. Exit code 1 when it is rejected.

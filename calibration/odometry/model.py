@@ -69,12 +69,12 @@ def distance_residuals(drive: Driven, model: Model) -> Floats:
 
 
 def turn_residuals(drive: Driven, model: Model) -> Floats:
-    """(w,) radians left over; of windows before the first command NaN."""
+    """(w,) radians left over."""
     return drive.turn_rad - window_sums(drive.pairs, step_turns(drive, model))
 
 
 def step_turns(drive: Driven, model: Model) -> Floats:
-    """(n - 1,) how far the car turns in each step; NaN before the first command."""
+    """(n - 1,) how far the car turns in each step."""
     assert drive.counts is not None
     gone = model.metres_per_count * np.diff(drive.counts)
     speed = gone / np.diff(drive.t_s)
@@ -88,7 +88,7 @@ def step_turns(drive: Driven, model: Model) -> Floats:
 def dead_reckoned(drive: Driven, model: Model) -> Floats:
     """(n, 2) where counts and servo take the car from where the truth began."""
     assert drive.counts is not None
-    turn = np.nan_to_num(step_turns(drive, model))
+    turn = step_turns(drive, model)
     heading = np.concatenate([[0.0], np.cumsum(turn)]) + drive.heading[0]
     middle = 0.5 * (heading[1:] + heading[:-1])
     gone = model.metres_per_count * np.diff(drive.counts)

@@ -25,6 +25,8 @@ from scoring.report.campaign_tables import (
 from scoring.report.comparison_figures import correlation_svg, dataset_svg, ratio_svg
 from scoring.report.thesis_figures import Scene, errors_svg, scene_svgs
 
+TEMPLATE = Path(__file__).parent / "templates" / "campaign.html"
+
 
 @dataclass(frozen=True, eq=False)
 class Part:
@@ -61,7 +63,7 @@ def write_campaign_report(path: Path, report: CampaignReport) -> None:
     comparisons = {name: part.comparison for name, part in report.parts.items()}
     runs = sum(len(c.runs) for c in comparisons.values())
     page = render(
-        "campaign.html",
+        TEMPLATE,
         title=report.title,
         subtitle=f"{len(report.drives.rows)} sessions, {runs} runs",
         overview=view(overview(comparisons)),

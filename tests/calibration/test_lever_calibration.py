@@ -19,8 +19,8 @@ LEVER = (0.012, -0.008, 0.02)
 TRUTH = Truth(lever=LEVER)
 
 
-def found(folder: Path, seed: int = 0, **more: bool) -> LeverResult:
-    session = write_session(folder / f"run{seed}", truth=TRUTH, seed=seed, **more)
+def found(folder: Path, seed: int = 0, *, motor: bool = True, gyro: bool = True) -> LeverResult:
+    session = write_session(folder / f"run{seed}", truth=TRUTH, seed=seed, motor=motor, gyro=gyro)
     return calibrate_lever([driven_of(session)], assumed_rings(session))
 
 
@@ -72,8 +72,26 @@ def test_circles_to_one_side_or_too_few_are_refused(tmp_path: Path) -> None:
     with pytest.raises(CalibrationError, match="to the right; drive a full circle"):
         calibrate_lever([one_side], CarRings())
     fast = driven_of(write_session(tmp_path / "fast", ((9.0, 0.3, 2.2), (9.0, -0.3, 2.2))))
-    with pytest.raises(CalibrationError, match="drive slow circles"):
+    with pytest.raises(CalibrationError, match="rolled gently in"):
         calibrate_lever([fast], CarRings())
+
+
+def test_wheels_that_spin_do_not_spoil_it_and_a_car_that_drifts_is_rejected(tmp_path: Path) -> None:
+    drive = driven_of(write_session(tmp_path / "run", truth=TRUTH))
+    assert drive.counts is not None
+    # For two seconds in a turn they turn half as fast again, and the tail goes out by 30 mm.
+    burst = (drive.t_s > 8.0) & (drive.t_s < 10.0)
+    spun = np.diff(drive.counts, prepend=drive.counts[:1])
+    xy = drive.xy.copy()
+    xy[burst, 0] += 0.03 * np.sin(9.0 * drive.t_s[burst])
+    bursting = replace(drive, xy=xy, counts=drive.counts[0] + np.cumsum(spun * (1 + 0.5 * burst)))
+    kept = calibrate_lever([bursting], CarRings())
+    assert kept.calibration.accepted, kept.calibration.reasons
+    np.testing.assert_allclose(kept.fit.values[:3], LEVER, atol=2.5e-3)
+    sliding = write_session(tmp_path / "slides", truth=replace(TRUTH, slip=0.08))
+    drifted = calibrate_lever([driven_of(sliding)], CarRings())
+    assert not drifted.calibration.accepted
+    assert "it drifted; drive gently" in drifted.calibration.reasons[-1]
 
 
 def test_one_speed_leaves_the_tyres_in_doubt(tmp_path: Path) -> None:

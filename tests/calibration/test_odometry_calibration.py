@@ -16,8 +16,10 @@ CAR = Truth().car
 SEEDS = 10
 
 
-def found(folder: Path, seed: int = 0, tape: Tape | None = None, **more: bool) -> OdometryResult:
-    session = write_session(folder / f"run{seed}", seed=seed, **more)
+def found(
+    folder: Path, seed: int = 0, tape: Tape | None = None, *, gyro: bool = True
+) -> OdometryResult:
+    session = write_session(folder / f"run{seed}", seed=seed, gyro=gyro)
     return calibrate_odometry([driven_of(session)], BELIEVED, tape)
 
 

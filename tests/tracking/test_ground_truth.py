@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from filmed_run import CONES, RATE_HZ, SCENE, VIEW, Run, world
 
-from geometry import Camera, Floats, looking_at, wrap
+from geometry import Camera, Floats, looking_at, transform_points, wrap
 from tracking import ImageError, TrackingError
 from tracking.bridging import bridge
 from tracking.ground_truth import TrackResult, track_film
@@ -180,6 +180,18 @@ def test_the_lever_arm_reaches_base_link() -> None:
     left = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
     expected = usual.truth.path.positions - 0.1 * ahead - 0.04 * left
     np.testing.assert_allclose(result.truth.path.positions, expected, atol=1e-6)
+
+
+def test_rings_that_stand_askew_are_turned_back() -> None:
+    """The line through the rings is turned about their middle, which stays where it is."""
+    _, usual = plain()
+    askew = replace(SCENE, car=CarRings(yaw_rad=0.05, side_m=0.01))
+    result = track_film(Run().film(), world(), askew)
+    assert np.abs(wrap(usual.truth.path.heading - 0.05 - result.truth.path.heading)).max() < 1e-9
+    count = len(usual.truth.path)
+    rings = transform_points(usual.truth.path.poses, np.tile([0.15, 0.0], (count, 1)))
+    again = transform_points(result.truth.path.poses, np.tile([0.15, 0.01], (count, 1)))
+    np.testing.assert_allclose(again, rings, atol=1e-6)
 
 
 def test_what_cannot_be_tracked_is_refused() -> None:

@@ -18,6 +18,7 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
+from capture import MeasuredCalibration, Parameter, write_calibration
 from capture.errors import LogError
 from capture.log_reader import McapLog
 from capture.network_clock import opened_server, serve
@@ -110,6 +111,20 @@ def until_kept(log: Path, seconds: int) -> None:
             return False
 
     until(kept)
+
+
+def test_a_recording_gets_the_calibrations_in_force(rig: Rig) -> None:
+    folder = rig.folder / "calibration"
+    bias = (Parameter("gyro_bias_z_rad_s", 0.02),)
+    for day, accepted in ((1, True), (2, True), (3, False)):
+        made = f"2026-05-0{day}T10:00:00Z"
+        one = MeasuredCalibration(kind="imu", made_utc=made, accepted=accepted, parameters=bias)
+        write_calibration(folder, one)
+    out, err = rig.record("--seconds", "1").communicate(timeout=40)
+    (session,) = map(Session.open, rig.sessions())
+    assert [file.name for file in session.calibrations] == ["imu_20260502T100000Z.yaml"], out
+    assert "calibration in force: " in err
+    assert session.measured("imu") == {"gyro_bias_z_rad_s": 0.02}
 
 
 def test_a_recording_ends_with_sigterm_and_is_whole(rig: Rig) -> None:

@@ -1,6 +1,6 @@
 """Visual odometry against the truth of rendered runs: drift, time, being lost, covariance.
 
-    uv run python benchmarks/visual_odometry.py
+    uv run python benchmarks/stereo_odometry.py
 
 One core. Each path is driven in several rooms with their own floor, walls and noise; frames pass
 through the JPEG of the recorder. Goals: 2 % of the way, 1 degree, 15 ms a pair.
@@ -151,7 +151,7 @@ def way_of(poses: Floats) -> float:
 
 
 def step_nees(poses: Floats, found: list[VoFrame]) -> list[float]:
-    """Normalised squared errors of the steps from key frame to key frame; 3 in the mean is right."""
+    """Normalised squared errors of the steps between key frames; 3 in the mean is right."""
     squares, before = [], poses[0]
     for pose, frame in zip(poses, found, strict=True):
         if frame.key and frame.state is State.TRACKED:
@@ -177,10 +177,12 @@ def lost_table(poses: Floats) -> Table:
         rest = [k for k in range(40 + count, len(found)) if states[k] is State.TRACKED]
         own = between(found[rest[0]].pose, found[-1].pose)
         off = between(between(poses[rest[0]], poses[-1]), own)
+        back = rest[0]
+        placed = compose(poses[0], found[back].pose)
+        unknown = np.hypot(*between(poses[back], placed)[:2])
         rows.append((
-            count, states.count(State.MISSED), states.count(State.LOST),
-            rest[0] - 40 - count, 1e3 * float(np.hypot(*off[:2])),
-            1e3 * float(np.hypot(*between(poses[rest[0]], compose(poses[0], found[rest[0]].pose))[:2])),
+            count, states.count(State.MISSED), states.count(State.LOST), back - 40 - count,
+            1e3 * float(np.hypot(*off[:2])), 1e3 * float(unknown),
         ))  # fmt: skip
     columns = ("frames covered", "missed", "lost", "frames until it is back",
                "error afterwards [mm]", "way unknown [mm]")  # fmt: skip
