@@ -203,9 +203,14 @@ def fault_of(command: Command, *, whole: bool = True) -> str:
     while isinstance(current, click.Group) and words:
         if words[0] in ("-h", "--help"):
             return ""
-        inner = current.get_command(context, words[0])
+        if "|" in words[0]:
+            return ""  # several of its commands at once
+        try:
+            inner = current.get_command(context, words[0])
+        except click.UsageError:
+            inner = None
         if inner is None:
-            return "" if "|" in words[0] else f"{command.place}: there is no {words[0]}"
+            return f"{command.place}: there is no {words[0]}"
         context = click.Context(inner, info_name=words.pop(0), parent=context)
         current = inner
     return _fault_of_words(command, current, context, words, whole=whole)
