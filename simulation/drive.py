@@ -88,22 +88,21 @@ def driven(track: Track, setting: Power, car: CarModel, rng: np.random.Generator
     )
     rows: list[Moment] = []
     commands: list[tuple[float, float, float]] = []
-    command, left_s = Command(0.0, 0.0), RESTS_S
+    command, left_s, limit = Command(0.0, 0.0), RESTS_S, car.steering_limit_rad
     for step in range(round(LONGEST_S * 1e9 / STEP_NS)):
         t_s = step * STEP_NS * 1e-9
         here = _moment(car, state, command)
         rows.append(here)
         if step % LOOK_STEPS == 0 and t_s >= STANDS_S:
-            command = driver.command(t_s - STANDS_S, here[:3], here.ahead_m_s)
+            wanted = driver.command(t_s - STANDS_S, here[:3], here.ahead_m_s)
+            command = Command(wanted.wheel_m_s, min(max(wanted.steering_rad, -limit), limit))
         if step % LOOK_STEPS == 0:
             commands.append((t_s, *command))
         if driver.finished and abs(here.ahead_m_s) < 0.01:
             left_s -= STEP_NS * 1e-9
             if left_s <= 0.0:
                 return Drive(np.array(rows), np.array(commands))
-        limit = car.steering_limit_rad
-        held = Command(command.wheel_m_s, min(max(command.steering_rad, -limit), limit))
-        state = advanced(car, state, held, STEP_NS * 1e-9)
+        state = advanced(car, state, command, STEP_NS * 1e-9)
     raise RuntimeError(f"the car did not reach the end of {track.name} in {LONGEST_S:g} s")
 
 
