@@ -40,7 +40,7 @@ class CarModel:
 class CarState(NamedTuple):
     """Where the centre of mass is, how it moves (in the car's frame), wheels and steering.
 
-    wheel_m_s : speed of the driven wheels' tread; counted_m : its integral.
+    wheel_m_s : speed at which the driven wheels roll; counted_m : its integral.
     """
 
     x_m: float

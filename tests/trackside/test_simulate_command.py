@@ -66,7 +66,7 @@ def test_a_folder_that_exists_is_left_alone(tmp_path: Path) -> None:
 
 def test_a_wrong_map_leaves_nothing_behind(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="no such map"):
-        simulate("--map", "trun", "--no-film", "-o", str(tmp_path / "run"))
+        simulate("--map", "tnru", "--no-film", "-o", str(tmp_path / "run"))
     assert list(tmp_path.iterdir()) == []
 
 

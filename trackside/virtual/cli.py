@@ -36,6 +36,11 @@ _PATH = click.Path(path_type=Path)
     is_flag=True,
     help="The car's devices at real pace behind pseudo-terminals, recorded as on the car.",
 )
+@click.option(
+    "--jobs",
+    type=click.IntRange(1, 2),
+    help="Processes: with 2 the film is made beside the rest.  [default: as there are cores]",
+)
 @click.option("-o", "--output", type=_PATH, required=True, help="The folder to make.")
 def simulate(
     map_name: str,
@@ -47,6 +52,7 @@ def simulate(
     no_film: bool,
     no_stereo: bool,
     realtime: bool,
+    jobs: int | None,
     output: Path,
 ) -> None:
     """A run on the virtual track, recorded through the real drivers and recorder.
@@ -56,6 +62,7 @@ def simulate(
     of the car (not at real pace: there the machine's timing is in them).
     """
     from trackside.virtual.day import RunPlan, simulate_run, simulate_site
+    from trackside.workers import cores
 
     if site_only:
         simulate_site(output, _shown)
@@ -70,6 +77,7 @@ def simulate(
         filmed=not no_film,
         realtime=realtime,
         stereo=not no_stereo,
+        jobs=jobs or min(cores(), 2),
     )
     simulate_run(output, plan, _shown)
     click.echo(f"wrote {output}")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Protocol, cast
 
@@ -19,12 +21,14 @@ from capture import (
 from capture.result_files import write_ground_truth
 from capture.yaml_file import plain
 from dialogue import TracksideError
+from simulation.build import AS_BUILT
 from simulation.overhead_film import hung_view
 from simulation.real_time import real_time_clock, record_car_in_real_time
 from simulation.recordings import CarClock, exact_truth, record_car, record_film
 from simulation.stereo import told_calibration
 from simulation.world import World, world
 from tracking.scene import CarRings, ConeRings, Scene
+from trackside.virtual.car_calibrations import car_calibrations
 from trackside.virtual.morning import BOARD_VIEWS, FLOOR_PICTURES, calibrated_site
 
 ON_CAR, BESIDE_TRACK = ("stereo", "odometry", "lidar", "imu", "markers"), ("camera", "world")
@@ -48,7 +52,7 @@ class RunPlan:
     site : a folder with calibrations made before, None: the camera is calibrated anew; filmed :
     without a film the exact truth becomes the ground truth of the car's session; realtime : the
     car's devices live at real pace behind pseudo-terminals, else in simulated time;
-    stereo : with the ZED.
+    stereo : with the ZED; jobs : 2 films in a process of its own.
     """
 
     map: str
@@ -59,6 +63,7 @@ class RunPlan:
     filmed: bool = True
     realtime: bool = False
     stereo: bool = True
+    jobs: int = 1
 
 
 def simulate_run(folder: Path, plan: RunPlan, steps: Steps) -> None:
@@ -68,23 +73,23 @@ def simulate_run(folder: Path, plan: RunPlan, steps: Steps) -> None:
     """
     made = world(plan.map, plan.power, plan.seed)
     with new_folder(folder) as partial:
-        for name in (CAR, *([FILM] if plan.filmed else [])):
-            (partial / name).mkdir()
-        _calibrations(partial / CALIBRATION, plan, steps)
-        clock = _car(partial, made, plan, steps)
-        truth = exact_truth(made, clock)
-        write_ground_truth(partial / TRUTH, truth)
-        if not plan.filmed:
-            Session.open(partial / CAR).write_ground_truth(truth)
-            return
-        write_yaml(partial / SCENE, cast("dict[str, object]", plain(scene_of(made))))
-        _film(partial, made, plan, clock, steps)
+        with filming(partial, plan) as film:
+            _calibrations(partial / CALIBRATION, plan, steps)
+            clock = _car(partial, made, plan, steps)
+            truth = exact_truth(made, clock)
+            write_ground_truth(partial / TRUTH, truth)
+            if not plan.filmed:
+                Session.open(partial / CAR).write_ground_truth(truth)
+                return
+            write_yaml(partial / SCENE, cast("dict[str, object]", plain(scene_of(made))))
+            film(made, clock, steps)
+        _keep(partial, FILM, BESIDE_TRACK)
 
 
 def simulate_site(folder: Path, steps: Steps) -> None:
     """Make `folder` with the calibrations of the site, for the `site` of runs."""
     with new_folder(folder) as partial:
-        write_calibration(partial, told_calibration())
+        _calibrate_car(partial, RunPlan(map="turn", power="low", seed=0))
         _calibrate_camera(partial, steps)
 
 
@@ -100,7 +105,7 @@ def scene_of(made: World) -> Scene:
 def _calibrations(folder: Path, plan: RunPlan, steps: Steps) -> None:
     folder.mkdir()
     if plan.site is None:
-        write_calibration(folder, told_calibration())
+        _calibrate_car(folder, plan)
         if plan.filmed:
             _calibrate_camera(folder, steps)
         return
@@ -108,6 +113,14 @@ def _calibrations(folder: Path, plan: RunPlan, steps: Steps) -> None:
         calibration_file(plan.site, kind)  # which tells what is missing
     for file in sorted(plan.site.glob("*.yaml")):
         (folder / file.name).write_bytes(file.read_bytes())
+
+
+def _calibrate_car(folder: Path, plan: RunPlan) -> None:
+    """What the car brings along; one that drives figures is to be calibrated by them."""
+    write_calibration(folder, told_calibration())
+    if plan.map not in COMMANDED:
+        for one in car_calibrations(AS_BUILT):
+            write_calibration(folder, one)
 
 
 def _calibrate_camera(folder: Path, steps: Steps) -> None:
@@ -134,19 +147,43 @@ def _car(partial: Path, made: World, plan: RunPlan, steps: Steps) -> CarClock:
     return clock
 
 
-def _film(partial: Path, made: World, plan: RunPlan, clock: CarClock, steps: Steps) -> None:
+@contextmanager
+def filming(partial: Path, plan: RunPlan) -> Iterator[Callable[[World, CarClock, Steps], None]]:
+    """A block in which the film is made, in a process beside this one if the plan has two.
+
+    Gives what makes it or waits for it. At real pace the film needs the clock of the car first.
+    """
+    (partial / CAR).mkdir()
+    if not plan.filmed:
+        yield lambda _made, _clock, _steps: None
+        return
+    (partial / FILM).mkdir()
+    if plan.jobs == 1 or plan.realtime:
+        yield lambda made, clock, steps: _film(partial / FILM, made, plan, clock, steps)
+        return
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as beside:
+        made = beside.submit(_film_beside, partial / FILM, plan)
+        yield lambda _made, _clock, _steps: made.result()
+
+
+def _film_beside(folder: Path, plan: RunPlan) -> None:
+    made = world(plan.map, plan.power, plan.seed)
+    _film(folder, made, plan, CarClock(), _silent)
+
+
+@contextmanager
+def _silent(label: str, total: int) -> Iterator[Callable[[int], None]]:
+    del label, total  # nobody looks at a process beside this one
+    yield lambda _done: None
+
+
+def _film(folder: Path, made: World, plan: RunPlan, clock: CarClock, steps: Steps) -> None:
     seconds = made.drive.end_ns // 1_000_000_000 + 1
     with steps("filming", seconds) as advance:
         told = record_film(
-            made,
-            hung_view(),
-            partial / FILM,
-            trial=plan.trial,
-            car=clock,
-            advance=whole(advance),
+            made, hung_view(), folder, trial=plan.trial, car=clock, advance=whole(advance)
         )
     _refuse_bad(told, FILM, plan)
-    _keep(partial, FILM, BESIDE_TRACK)
 
 
 def _keep(partial: Path, name: str, kinds: Sequence[str]) -> None:

@@ -202,3 +202,12 @@ def _observations(
     columns = np.concatenate(seen)
     nobody = np.full(len(columns), -1, dtype=np.int64)
     return Observations(np.array(stamps), nobody, columns[:, 0], np.asarray(wrap(columns[:, 1])))
+
+
+def campaign_in(monkeypatch: pytest.MonkeyPatch, folder: Path) -> Campaign:
+    """What writes a campaign file into a folder and does it, by default in this process."""
+
+    def run(text: str = SMALL, *words: str, workers: int | None = 1) -> Result:
+        return do_campaign(monkeypatch, folder, text, *words, workers=workers)
+
+    return run

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
-from fake_steps import SMALL, Campaign
+from fake_steps import SMALL, Campaign, campaign_in
 
 from capture import ConfigurationError
 from dialogue import UsageError
@@ -15,6 +15,11 @@ from trackside.cli import trackside
 from trackside.shipped import example_campaigns
 
 REPOSITORY = Path(__file__).parent.parent.parent.parent
+
+
+@pytest.fixture
+def run_campaign(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Campaign:
+    return campaign_in(monkeypatch, tmp_path)
 
 
 def call(*words: object) -> Result:

@@ -9,7 +9,16 @@ from pathlib import Path
 
 import fake_steps
 import pytest
-from fake_steps import BAD, SMALL, TEXT, Campaign, make_session, notes, steps_of
+from fake_steps import (
+    BAD,
+    SMALL,
+    TEXT,
+    Campaign,
+    campaign_in,
+    make_session,
+    notes,
+    steps_of,
+)
 
 from capture import Session
 from dialogue import TracksideError
@@ -17,6 +26,11 @@ from trackside.campaign.steps import Place
 from trackside.fingerprints import rooms_digest
 
 ROBUST = "  - {algorithm: ekf, preset: robust, odometry: wheel}\n"
+
+
+@pytest.fixture
+def run_campaign(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Campaign:
+    return campaign_in(monkeypatch, tmp_path)
 
 
 def test_a_rerun_redoes_nothing(run_campaign: Campaign, tmp_path: Path) -> None:
