@@ -100,7 +100,7 @@ class Session:
         """Every log of the session: the car's and those of the cameras."""
         from capture.log_reader import McapLog
 
-        return tuple(McapLog(file) for file in sorted(self.folder.glob("[!.]*.mcap")))
+        return tuple(McapLog(file) for file in self._log_files)
 
     def log_tail(self) -> LogTail:
         """A reader of the log while it is being recorded; it need not exist yet."""
@@ -371,7 +371,7 @@ class Session:
     def deciding_files(self) -> tuple[Path, ...]:
         """What decides what can be made of the session: its logs, truth and calibrations."""
         # None of them is opened: a log that is damaged has content, too.
-        logs = sorted(f for f in self.folder.glob("[!.]*.mcap") if f.name not in IMAGE_LOGS)
+        logs = [file for file in self._log_files if file.name not in IMAGE_LOGS]
         files = (*logs, *sorted(self._truth_folder.glob("*")), *self.calibrations)
         return tuple(file for file in files if file.is_file())
 
@@ -399,9 +399,17 @@ class Session:
         return self.folder / "ground_truth"
 
     @property
+    def _log_files(self) -> list[Path]:
+        """Files of the logs, none of them opened: a broken one is told by who reads it."""
+        return sorted(self.folder.glob("[!.]*.mcap"))
+
+    @property
     def _odometry_logs(self) -> tuple[McapLog, ...]:
         """The car's log, and those that were made of pictures later."""
-        added = [log for log in self.logs if log.file.name not in {LOG_NAME, *IMAGE_LOGS}]
+        from capture.log_reader import McapLog
+
+        others = {LOG_NAME, *IMAGE_LOGS}
+        added = [McapLog(file) for file in self._log_files if file.name not in others]
         return (self.log, *added) if self.log else tuple(added)
 
     def _has(self, topic: str) -> bool:

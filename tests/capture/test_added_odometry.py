@@ -33,6 +33,7 @@ def test_it_stands_in_a_log_of_its_own_beside_the_cars(session: Session) -> None
     car = (session.folder / "car.mcap").read_bytes()
     file = session.add_odometry(told(lost=(1, 2)))
     assert file == session.folder / "viso.mcap"
+    assert session.odometry_sources == ("vesc", "viso")
     assert (session.folder / "car.mcap").read_bytes() == car
     opened = Session.open(session.folder)
     assert opened.odometry_sources == ("vesc", "viso")
@@ -94,4 +95,11 @@ def test_a_session_that_was_broken_off_gets_no_half_a_list(session: Session) -> 
     (session.folder / "metadata.yaml").unlink()
     session.add_odometry(told())
     assert not (session.folder / "metadata.yaml").exists()
+    assert Session.open(session.folder).odometry("viso").t_ns.size == 5
+
+
+def test_a_broken_film_does_not_hide_the_odometry(session: Session) -> None:
+    session.add_odometry(told())
+    (session.folder / "overhead.mcap").write_bytes(b"no log")
+    assert Session.open(session.folder).odometry_sources == ("vesc", "viso")
     assert Session.open(session.folder).odometry("viso").t_ns.size == 5
