@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import shutil
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -21,10 +23,21 @@ from doc_commands import (
     run_page,
 )
 
+from simulation.stereo import write_factory_file, zed_pair
+from trackside.virtual.day import RunPlan, simulate_run
+
 REPOSITORY = Path(__file__).parent.parent
 SAMPLE = Path(__file__).with_name("sample_page.md")
 ALL = sorted([*REPOSITORY.glob("*.md"), *(REPOSITORY / "docs").glob("*.md"), SAMPLE])
-RUN = [SAMPLE]
+RUN = [
+    SAMPLE,
+    *(
+        pytest.param(
+            REPOSITORY / "docs" / name, marks=[pytest.mark.slow, pytest.mark.timeout(1200)]
+        )
+        for name in ("quickstart.md", "trackday.md")
+    ),
+]
 """Pages that are run whole, in the order of a day."""
 
 
@@ -33,7 +46,46 @@ def recorded_loop(folder: Path) -> None:
     shutil.copytree(REPOSITORY / "examples" / "loop", folder / "loop")
 
 
-STAGES: dict[str, Stage] = {"loop": recorded_loop}
+def nothing(_folder: Path) -> None:
+    """A folder as it is."""
+
+
+def factory_file(folder: Path) -> None:
+    """The settings file of a ZED."""
+    write_factory_file(folder, zed_pair())
+
+
+def driven_figures(folder: Path) -> None:
+    """A joined session of the calibration drive, called `figures`."""
+    made = folder / "simulated_figures"
+    simulate_run(made, RunPlan(map="figures", power="low", seed=1, filmed=False, stereo=False), shy)
+    shutil.move(made / "car", folder / "figures")
+
+
+def driven_turn(folder: Path) -> None:
+    """What car and laptop recorded of one run, in `sessions/`, and the scene."""
+    made = folder / "simulated_turn"
+    simulate_run(made, RunPlan(map="turn", power="low", seed=1, jobs=2), shy)
+    (folder / "sessions").mkdir()
+    shutil.move(made / "car", folder / "sessions" / "2019-05-14_turn_low_1")
+    shutil.move(made / "film", folder / "sessions" / "2019-05-14_turn_low_1_film")
+    shutil.move(made / "scene.yaml", folder / "scene.yaml")
+
+
+@contextmanager
+def shy(label: str, total: int) -> Iterator[Callable[[int], None]]:
+    """Progress that nobody sees."""
+    del label, total
+    yield lambda _done: None
+
+
+STAGES: dict[str, Stage] = {
+    "loop": recorded_loop,
+    "empty": nothing,
+    "factory": factory_file,
+    "figures": driven_figures,
+    "turn": driven_turn,
+}
 """What `<!-- run: NAME -->` sets into the folder before a block."""
 
 
