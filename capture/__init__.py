@@ -62,8 +62,9 @@ from capture.landmark_table import (
 from capture.log_tail import LogTail
 from capture.network_clock import read_peer_clock
 from capture.point_cloud import point_cloud_message
-from capture.session import Session, list_sessions, preferred_source
+from capture.session import Session
 from capture.session_info import ClockPair, FilmClock, PeerClock, SessionInfo, software
+from capture.session_list import list_sessions
 from capture.stamps import ns_to_stamp, stamp_to_ns
 from capture.streams import (
     Drive,
@@ -78,6 +79,7 @@ from capture.streams import (
     joined,
     split,
 )
+from capture.topics import preferred_source
 from capture.transaction import new_folder, write_text
 from capture.tum import TumPath, read_planar_tum, read_tum, write_tum
 from capture.yaml_file import read_yaml, write_yaml

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from capture.errors import MissingStreamError, SessionError
+from capture.errors import MissingStreamError
 from capture.estimate import Estimate, GroundTruth
 from capture.result_files import (
     checked_name,
@@ -18,7 +18,7 @@ from capture.result_files import (
     write_estimate,
     write_ground_truth,
 )
-from capture.session_info import FILE_NAME, SessionInfo, read_session_info
+from capture.session_info import SessionInfo, read_session_info
 from capture.streams import (
     Drive,
     Imu,
@@ -40,7 +40,6 @@ from capture.topics import (
     OVERHEAD_LOG_NAME,
     OVERHEAD_TOPIC,
     POINTS_TOPIC,
-    PREFERRED_SOURCES,
     RANGE_BEARING_TOPIC,
     SCAN_TOPIC,
     VESC_STATE_TOPIC,
@@ -48,6 +47,7 @@ from capture.topics import (
     ZED_TOPIC,
     odometry_source,
     odometry_topic,
+    preference,
 )
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ class Session:
             and topic.name.endswith(ODOMETRY_SUFFIX)
             and topic.count
         }
-        return tuple(sorted(found, key=_preference))
+        return tuple(sorted(found, key=preference))
 
     def odometry(self, source: str | None = None) -> Odometry:
         """The odometry of `source`; None takes the only one, or vesc, wheel, zed, viso in turn."""
@@ -270,19 +270,15 @@ class Session:
 
         Raises `CalibrationFileError` for a file that cannot be read.
         """
-        from capture.calibrations import accepted_file, read_calibration
+        from capture.in_force import calibration_in_force
 
-        file = accepted_file(self.folder / "calibration", kind)
-        return None if file is None else read_calibration(file, kind)
+        return calibration_in_force(self.folder, kind)
 
     def measured(self, kind: str) -> Mapping[str, float]:
         """The parameters of the car's calibration of a kind that is in force; empty without one."""
-        from capture.calibrations import MeasuredCalibration
+        from capture.in_force import measured
 
-        found = self.calibration_in_force(kind)
-        if not isinstance(found, MeasuredCalibration):
-            return {}
-        return {one.name: one.value for one in found.parameters}
+        return measured(self.folder, kind)
 
     def motor_calibration(self) -> VescCalibration | None:
         """What ties the motor controller's numbers to the car; None if unknown.
@@ -290,39 +286,18 @@ class Session:
         An accepted `calibration/odometry_*.yaml` of the session goes before the words of its rig.
         Raises `ConfigurationError` where `session.yaml` holds something else in their place.
         """
-        found = self.measured("odometry")
-        if not found:
-            return self.recorded_motor_calibration()
-        from drivers.vesc import VescCalibration
+        from capture.in_force import motor_calibration
 
-        return VescCalibration(
-            **{
-                name: found[name]
-                for name in (
-                    "speed_to_erpm_gain",
-                    "steering_angle_to_servo_gain",
-                    "steering_angle_to_servo_offset",
-                    "wheelbase_m",
-                )
-            },
-            direction=round(found["direction"]),
-            low_speed_erpm=found["low_speed_erpm"],
-        )
+        return motor_calibration(self.folder) or self.recorded_motor_calibration()
 
     def recorded_motor_calibration(self) -> VescCalibration | None:
         """The rig's words while it was recorded, by which `/drive` and `/vesc/odom` were written.
 
         Raises `ConfigurationError` where `session.yaml` holds something else in their place.
         """
-        rig = self.info.configuration.get("rig")
-        values = rig.get("vesc_calibration") if isinstance(rig, Mapping) else None
-        if not isinstance(values, Mapping):
-            return None
-        from capture.configuration import configuration_from_mapping
-        from drivers.vesc import VescCalibration
+        from capture.in_force import recorded_motor_calibration
 
-        name = f"{self.folder}/{FILE_NAME}"
-        return configuration_from_mapping(VescCalibration, values, name)
+        return recorded_motor_calibration(self.folder, self.info)
 
     @property
     def has_ground_truth(self) -> bool:
@@ -426,38 +401,3 @@ class Session:
                 "use another stream, or import the recording again with --topic"
             )
         return raw
-
-
-def list_sessions(folder: Path) -> tuple[Path, ...]:
-    """The session folders in `folder`, sorted; the folder itself if it is a session.
-
-    Raises `SessionError` when the folder cannot be read or holds none.
-    """
-    try:
-        if (folder / FILE_NAME).exists():
-            return (folder,)
-        found = sorted(
-            child
-            for child in folder.iterdir()
-            if not child.name.startswith(".") and (child / FILE_NAME).exists()
-        )
-    except OSError as err:
-        raise SessionError(
-            f"{folder}: cannot be read: {err.strerror or err}; check path, owner and mode"
-        ) from err
-    if not found:
-        raise SessionError(
-            f"{folder}: holds no sessions; give a folder with folders that trackside record or "
-            "trackside import made"
-        )
-    return tuple(found)
-
-
-def preferred_source(sources: Iterable[str]) -> str | None:
-    """The odometry to take where nobody asked for one."""
-    return min(sources, key=_preference, default=None)
-
-
-def _preference(source: str) -> tuple[int, str]:
-    known: Sequence[str] = PREFERRED_SOURCES
-    return (known.index(source) if source in known else len(known), source)

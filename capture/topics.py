@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 LOG_NAME = "car.mcap"
 OVERHEAD_LOG_NAME = "overhead.mcap"
 ZED_LOG_NAME = "zed.mcap"
@@ -49,3 +51,14 @@ def odometry_topic(source: str) -> str:
 def odometry_source(topic: str) -> str:
     """The source whose odometry stands on a topic."""
     return topic.removesuffix(ODOMETRY_SUFFIX).strip("/")
+
+
+def preferred_source(sources: Iterable[str]) -> str | None:
+    """The odometry to take where nobody asked for one."""
+    return min(sources, key=preference, default=None)
+
+
+def preference(source: str) -> tuple[int, str]:
+    """What sorts sources of odometry, preferred ones first."""
+    known = PREFERRED_SOURCES
+    return (known.index(source) if source in known else len(known), source)
