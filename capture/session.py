@@ -110,8 +110,10 @@ class Session:
 
     @property
     def topics(self) -> tuple[Topic, ...]:
-        """What the log holds, by name."""
-        return tuple(self.log.topics.values()) if self.log else ()
+        """What the logs hold: the car's first, then those of cameras and of what was added."""
+        own = [self.log] if self.log else []
+        logs = [*own, *(log for log in self.logs if self.log is None or log.file != self.log.file)]
+        return tuple(topic for log in logs for topic in log.topics.values())
 
     @property
     def truncated(self) -> bool:
@@ -388,7 +390,8 @@ class Session:
         return (self.log, *added) if self.log else tuple(added)
 
     def _has(self, topic: str) -> bool:
-        return any(held.name == topic and held.count for held in self.topics)
+        topics = self.log.topics if self.log else {}
+        return topic in topics and topics[topic].count > 0
 
     def _raw(self, what: str, topic: str, log: McapLog | None = None) -> RawMessages:
         """The messages of a topic, of which there is at least one; of the car's log if not told."""

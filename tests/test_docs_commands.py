@@ -177,7 +177,7 @@ def test_what_stands_for_something_is_let_pass(said: str) -> None:
     ("page", "told"),
     [
         ("    trackside info nowhere", "p.md:1: trackside info nowhere: exit code"),
-        ("<!-- run: moon -->\n    trackside info x", "no stage 'moon'; there are: loop"),
+        ("<!-- run: moon -->\n    trackside info x", "no stage 'moon'; there are: empty, factory"),
         ("<!-- not run: -->\n    trackside info x", "p.md:1: expected"),
         ("<!-- not run -->\n    trackside info x", "p.md:1: expected"),
         ("<!-- not run record: no car -->\n    trackside info x", "the block has no record"),

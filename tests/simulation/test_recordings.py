@@ -42,7 +42,7 @@ def test_the_recording_is_good_and_its_check_says_so_too(car: Session) -> None:
     assert car.info.verdict == "good"
     facts, verdict = checked(car)
     assert verdict.verdict == "good"
-    assert {stream.device for stream in facts.streams} == {"lidar", "vesc", "mpu9250"}
+    assert {stream.device for stream in facts.streams} == {"lidar", "vesc", "mpu9250", "zed"}
     assert car.info.configuration["rig"] is not None
     assert car.motor_calibration() is not None
 

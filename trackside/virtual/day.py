@@ -72,6 +72,9 @@ def simulate_run(folder: Path, plan: RunPlan, steps: Steps) -> None:
     Raises `SessionError` where it exists, `UsageError` for a map or power that is none.
     """
     made = world(plan.map, plan.power, plan.seed)
+    if plan.filmed and plan.site is not None:
+        for kind in BESIDE_TRACK:
+            calibration_file(plan.site, kind)  # which tells what is missing
     with new_folder(folder) as partial:
         with filming(partial, plan) as film:
             _calibrations(partial / CALIBRATION, plan, steps)
@@ -109,8 +112,6 @@ def _calibrations(folder: Path, plan: RunPlan, steps: Steps) -> None:
         if plan.filmed:
             _calibrate_camera(folder, steps)
         return
-    for kind in BESIDE_TRACK if plan.filmed else ():
-        calibration_file(plan.site, kind)  # which tells what is missing
     for file in sorted(plan.site.glob("*.yaml")):
         (folder / file.name).write_bytes(file.read_bytes())
 

@@ -63,7 +63,7 @@ def test_it_needs_nothing_else_and_repeats_itself(tmp_path: Path) -> None:
     assert "many &lt;runs&gt;" in page
     assert "title: &lt;x&gt;" in page
     # Every colour is one that light and dark have.
-    style = (Path(__file__).parents[3] / "scoring/report/templates/style.css").read_text()
+    style = (Path(__file__).parents[3] / "dialogue/pages/templates/style.css").read_text()
     for name in set(re.findall(r"var\(--([\w]+)\)", page)):
         assert len(re.findall(rf"--{name}:", style)) in (0, 3), name
     assert not re.search(r"#[0-9a-f]{6}", page.partition("</style>")[2])

@@ -38,8 +38,8 @@ def test_the_shipped_campaign_is_the_experiment_of_the_thesis() -> None:
     assert [run.name for run in plan.runs] == [
         *("thesis-ekf", "thesis-fastslam", "robust-ekf", "robust-fastslam")
     ]
-    assert [run.odometry for run in plan.runs] == ["viso", "viso", *["imu+tachometer"] * 2]
-    assert [run.needs_film for run in plan.runs] == [True, True, False, False]
+    assert [run.odometry for run in plan.runs] == ["viso", "viso", *["imu+viso"] * 2]
+    assert [run.needs_film for run in plan.runs] == [True, True, True, True]
     assert plan.scoring.choices()["align"] == "origin"
     assert drives[0].dataset == "Low-1"
 
