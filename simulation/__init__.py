@@ -1,8 +1,9 @@
 """A virtual track: what the instruments would have seen, and the exact truth behind it.
 
-`simulation.overhead` renders the floor as the camera above sees it, `simulation.stereo` the track
-as the ZED on the car does. Tests and benchmarks measure the rooms that look at pictures against it;
-nothing that runs on site imports this room except the demo.
+`world` makes everything of one seed: cones, a car that slides (`car`, `driver`, `drive`), what its
+sensors feel (`sensors`), what the camera above and the ZED see (`overhead`, `stereo`). `recordings`
+and `real_time` put the real drivers and the real recorder before it. Only `trackside/`, tests and
+benchmarks import this room.
 """
 
 from simulation.light import Glare, Light, even_light, shadowed_light

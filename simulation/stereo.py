@@ -37,7 +37,7 @@ def zed_calibration(
 ) -> StereoCalibration:
     """The true calibration of a pair on the car, as a session can carry it."""
     return StereoCalibration.of_pair(
-        pair or zed_pair(), mounting, made_utc="2026-01-01T00:00:00Z", how={"source": "simulation"}
+        pair or zed_pair(), mounting, made_utc="2019-05-14T08:00:00Z", how={"source": "simulation"}
     )
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from calibration.cli import FOLDER
 from dialogue import Cell, Progress, Table, UsageError
 from dialogue.options import format_option
 
@@ -150,14 +151,7 @@ def join_table(joining: Joining, title: str) -> Table:
 
 @click.command("camera-delay")
 @click.argument("sessions", type=_PATH, nargs=-1, required=True)
-@click.option(
-    "-o",
-    "--output",
-    type=_PATH,
-    default=Path("calibration"),
-    show_default=True,
-    help="Folder for the dated file; nothing in it is overwritten.",
-)
+@FOLDER
 @format_option()
 @click.pass_context
 def camera_delay(

@@ -200,7 +200,7 @@ def test_words_that_do_not_fit_are_told(tmp_path: Path) -> None:
 def test_the_file_keeps_everything_and_refuses_nonsense(tmp_path: Path) -> None:
     true = zed_calibration()
     file = write_calibration(tmp_path, true)
-    assert file.name == "stereo_20260101T000000Z.yaml"
+    assert file.name == "stereo_20190514T080000Z.yaml"
     assert read_stereo_calibration(tmp_path) == true
     text = file.read_text().replace("- -0.11987", "- 0.11987")
     file.write_text(text)
