@@ -90,10 +90,7 @@ class Session:
     @cached_property
     def log(self) -> McapLog | None:
         """The log of the car, None for a session without one."""
-        from capture.log_reader import McapLog
-
-        file = self.folder / LOG_NAME
-        return McapLog(file) if file.exists() else None
+        return self._log_named(LOG_NAME)
 
     @cached_property
     def logs(self) -> tuple[McapLog, ...]:
@@ -110,10 +107,8 @@ class Session:
 
     @property
     def topics(self) -> tuple[Topic, ...]:
-        """What the logs hold: the car's first, then those of cameras and of what was added."""
-        own = [self.log] if self.log else []
-        logs = [*own, *(log for log in self.logs if self.log is None or log.file != self.log.file)]
-        return tuple(topic for log in logs for topic in log.topics.values())
+        """What the logs hold, the car's first, as it is the first by name, too."""
+        return tuple(topic for log in self.logs for topic in log.topics.values())
 
     @property
     def truncated(self) -> bool:
@@ -203,10 +198,7 @@ class Session:
     @cached_property
     def film(self) -> McapLog | None:
         """The log of the overhead camera, None for a session without one."""
-        from capture.log_reader import McapLog
-
-        file = self.folder / OVERHEAD_LOG_NAME
-        return McapLog(file) if file.exists() else None
+        return self._log_named(OVERHEAD_LOG_NAME)
 
     @property
     def overhead_count(self) -> int:
@@ -235,10 +227,7 @@ class Session:
     @cached_property
     def stereo_film(self) -> McapLog | None:
         """The log of the car's stereo camera, None for a session without one."""
-        from capture.log_reader import McapLog
-
-        file = self.folder / ZED_LOG_NAME
-        return McapLog(file) if file.exists() else None
+        return self._log_named(ZED_LOG_NAME)
 
     @property
     def stereo_count(self) -> int:
@@ -388,6 +377,12 @@ class Session:
         others = {LOG_NAME, *IMAGE_LOGS}
         added = [McapLog(file) for file in self._log_files if file.name not in others]
         return (self.log, *added) if self.log else tuple(added)
+
+    def _log_named(self, name: str) -> McapLog | None:
+        from capture.log_reader import McapLog
+
+        file = self.folder / name
+        return McapLog(file) if file.exists() else None
 
     def _has(self, topic: str) -> bool:
         topics = self.log.topics if self.log else {}
