@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from calibration.length import grid_size, length
-from dialogue import UsageError, nearest_names
+from dialogue import UsageError
+from dialogue.lazy_group import LazyGroup
 from dialogue.options import format_option
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ COMMANDS = {
     "show": ("calibration.cli:show", "What is in force in a folder or a session."),
     "apply": ("calibration.cli:apply", "Copy the newest accepted ones into sessions."),
 }
-"""Command -> where it is defined, and its line of help: `--help` imports none of them."""
+"""Command -> where it is defined, and its line of help (`dialogue.lazy_group`)."""
 
 FOLDER = click.option(
     "-o",
@@ -47,24 +47,7 @@ FOLDER = click.option(
 )
 
 
-class _Commands(click.Group):
-    """The commands above, each imported when it is called."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002  click's signature
-        return list(COMMANDS)
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        if cmd_name not in COMMANDS:
-            ctx.fail(f"no calibration {cmd_name!r}; {nearest_names(cmd_name, COMMANDS)}")
-        module, _, attribute = COMMANDS[cmd_name][0].partition(":")
-        return cast(click.Command, getattr(importlib.import_module(module), attribute))
-
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
-        with formatter.section("Commands, in the order of a day"):
-            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
-
-
-@click.group("calibrate", cls=_Commands)
+@click.group("calibrate", cls=LazyGroup, table=COMMANDS, noun="calibration")
 def calibrate() -> None:
     """Measurements to parameters: each makes a dated file with residuals and a verdict."""
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 import sys
 import tempfile
 import traceback
 from pathlib import Path
-from typing import cast
 
 import click
 
-from dialogue import TracksideError, UsageError, nearest_names
+from dialogue import TracksideError, UsageError
+from dialogue.lazy_group import LazyGroup
 
 COMMANDS = {
     "demo": ("trackside.demo:demo", "The whole road without hardware, in a minute."),
@@ -40,40 +39,15 @@ COMMANDS = {
     "emulate": ("drivers.cli:emulate", "A device that other programs can open."),
     "export": ("capture.cli:export_group", "Session to TUM, CSV, ROS 1 or ROS 2 bags."),
 }
-"""Command -> where it is defined, and its line of help: `--help` imports none of them.
-
-A name of two words is a command that needs more rooms than the one that it stands under.
-"""
+"""Command -> where it is defined, and its line of help (`dialogue.lazy_group`)."""
 
 
-class _Commands(click.Group):
-    """The commands above, each imported when it is called."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002  click's signature
-        return list(COMMANDS)
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
-        if cmd_name not in COMMANDS:
-            return None
-        module, _, attribute = COMMANDS[cmd_name][0].partition(":")
-        return cast(click.Command, getattr(importlib.import_module(module), attribute))
-
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
-        with formatter.section("Commands, in the order of a day"):
-            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
-
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        name, two = args[0], " ".join(args[:2])
-        if two in COMMANDS:
-            return two, self.get_command(ctx, two), args[2:]
-        if name not in COMMANDS and not name.startswith("-"):
-            ctx.fail(f"no command {name!r}; {nearest_names(name, COMMANDS)}")
-        return super().resolve_command(ctx, args)
-
-
-@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=LazyGroup,
+    table=COMMANDS,
+    noun="command",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 @click.version_option(package_name="trackside", prog_name="trackside")
 def trackside() -> None:
     """Landmark SLAM of a small race car: record or import, estimate, score path and map."""

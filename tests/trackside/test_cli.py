@@ -8,6 +8,7 @@ import click
 import pytest
 
 from dialogue import TracksideError, UsageError
+from dialogue.lazy_group import LazyGroup
 from trackside import cli
 
 
@@ -18,7 +19,7 @@ def stopped(monkeypatch: pytest.MonkeyPatch, raised: BaseException) -> int:
     def broken() -> None:
         raise raised
 
-    monkeypatch.setattr(cli._Commands, "get_command", lambda *_: broken)
+    monkeypatch.setattr(LazyGroup, "get_command", lambda *_: broken)
     with pytest.raises(SystemExit) as end:
         cli.main(["demo"])
     assert isinstance(end.value.code, int)
