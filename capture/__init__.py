@@ -50,6 +50,7 @@ from capture.estimate import NO_STAMP, Estimate, EstimatedMap, GroundTruth
 from capture.growing_odometry import GrowingOdometry, no_odometry
 from capture.images import LoggedImage
 from capture.imu_text import read_imu_csv
+from capture.in_force import usual_calibrations
 from capture.joined import check_parts, keep_pictures, mapped_truth, new_joined_session
 from capture.landmark_table import (
     read_estimated_map,
@@ -163,6 +164,7 @@ __all__ = [
     "software",
     "split",
     "stamp_to_ns",
+    "usual_calibrations",
     "with_overrides",
     "write_calibration",
     "write_estimated_map",

@@ -23,6 +23,12 @@ _OF_THE_CAR = (
 )
 
 
+def usual_calibrations(session: Path | None, kind: str) -> Path:
+    """The folder where a kind is looked for if nobody says: the session's, else `calibration`."""
+    own = None if session is None else session / "calibration"
+    return Path("calibration") if own is None or not any(own.glob(f"{kind}_*.yaml")) else own
+
+
 def calibration_in_force(session: Path, kind: str) -> Calibration | None:
     """The newest accepted calibration of a kind in a session's folder, None without one.
 

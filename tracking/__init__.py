@@ -24,10 +24,8 @@ from tracking.scene import CarRings, Scene, read_scene
 from tracking.still_rings import StillRings, average_rings
 from tracking.tracker import RingTracker
 from tracking.whole_film import (
-    keep_calibration,
     scene_of,
     summary,
-    usual_calibration,
     write_pictures,
 )
 
@@ -54,7 +52,6 @@ __all__ = [
     "find_rings",
     "grey_image",
     "heading_between",
-    "keep_calibration",
     "pair_match",
     "read_scene",
     "scene_of",
@@ -62,6 +59,5 @@ __all__ = [
     "summary",
     "track_film",
     "unique_matches",
-    "usual_calibration",
     "write_pictures",
 ]

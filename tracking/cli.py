@@ -62,14 +62,12 @@ def track(
 
     Exit code 1 when the verdict is bad; the truth is written with its verdict all the same.
     """
-    from capture import calibration_file, read_world_calibration
+    from capture import calibration_file, read_world_calibration, usual_calibrations
     from tracking.film import session_film, video_film
     from tracking.ground_truth import track_film
     from tracking.whole_film import (
-        keep_calibration,
         scene_of,
         summary,
-        usual_calibration,
         write_pictures,
     )
 
@@ -86,7 +84,7 @@ def track(
             raise UsageError("--output belongs to --video; a session keeps its own truth")
         recording = _opened(session, replace)
         target, film = session, session_film(recording)
-    world_file = calibration_file(place or usual_calibration(recording), "world")
+    world_file = calibration_file(place or usual_calibrations(session, "world"), "world")
     world = read_world_calibration(world_file)
     click.echo(f"calibration: {world_file}", err=True)
     cones = None if cones_from is None else _cones(cones_from, world_file, scene)
@@ -96,7 +94,7 @@ def track(
     kept = recording or _new_session(target, video, result)
     kept.write_ground_truth(result.truth, replace=replace)
     if world_file.parent.resolve() != (target / "calibration").resolve():
-        keep_calibration(kept, world_file)
+        kept.adopt_calibrations([world_file])
     truth_folder = target / "ground_truth"
     write_pictures(truth_folder, film, result, world_file, scene, clip=not no_clip)
     click.echo("\n".join(summary(result)))

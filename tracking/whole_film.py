@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from capture import Session, read_world_calibration, write_text
+from capture import read_world_calibration, write_text
 from tracking.film import Film
 from tracking.ground_truth import TrackResult
 from tracking.preview import preview_picture, write_clip, write_picture
@@ -13,13 +13,6 @@ from tracking.scene import Scene, read_scene
 from tracking.track_page import facts, track_page
 
 USUAL_SCENE = Path("scene.yaml")
-
-
-def usual_calibration(session: Session | None) -> Path:
-    """Where the world's calibration is looked for if nobody says: in the session, else here."""
-    if session is not None and any(f.name.startswith("world_") for f in session.calibrations):
-        return session.folder / "calibration"
-    return Path("calibration")
 
 
 def scene_of(file: Path | None, start_heading_deg: float | None = None) -> tuple[Scene, str]:
@@ -30,12 +23,6 @@ def scene_of(file: Path | None, start_heading_deg: float | None = None) -> tuple
     if start_heading_deg is not None:
         scene = replace(scene, start_heading_deg=start_heading_deg)
     return scene, f"{file or 'the usual one, no scene.yaml given'}"
-
-
-def keep_calibration(session: Session, file: Path) -> None:
-    """A copy of the calibration in the session, unless it has one of that name."""
-    if not (session.folder / "calibration" / file.name).exists():
-        session.copy_calibration(file)
 
 
 def write_pictures(

@@ -50,14 +50,14 @@ def vo(
 
     trackside slam --odometry viso then uses it, or imu+viso.
     """
-    from capture import Session, calibration_file, read_stereo_calibration
+    from capture import Session, calibration_file, read_stereo_calibration, usual_calibrations
     from visual_odometry.run import SOURCE, run_session
 
     recording = Session.open(session)
     if (session / f"{SOURCE}.mcap").exists() and not replace:
         raise UsageError(f"{session} has visual odometry already; give --replace to make it anew")
     recording.stereo_images()  # asked before the calibration: without pictures none is needed
-    file = calibration_file(place or _usual_place(recording), "stereo")
+    file = calibration_file(place or usual_calibrations(session, "stereo"), "stereo")
     calibration, config = _configured(read_stereo_calibration(file), settings)
     click.echo(f"calibration: {file}", err=True)
     if not calibration.accepted:
@@ -65,7 +65,7 @@ def vo(
     with Progress("visual odometry", recording.stereo_count) as progress:
         run = run_session(recording, calibration, config, progress.advance)
     written = recording.add_odometry(run.told, replace=replace)
-    _keep_calibration(recording, file)
+    recording.adopt_calibrations([file])
     click.echo(summary_table(recording, run).render(table_format))
     click.echo(f"wrote {written}", err=True)
     click.echo(f"next: trackside slam {session} --odometry {SOURCE}", err=True)
@@ -81,17 +81,6 @@ def _configured(
     others = [word for word in settings if not word.startswith(_MOUNTING)]
     placed = replaced(calibration, mounting=with_overrides(calibration.mounting, own))
     return placed, with_overrides(VoConfig(), others)
-
-
-def _usual_place(recording: Session) -> Path:
-    if any(file.name.startswith("stereo_") for file in recording.calibrations):
-        return recording.folder / "calibration"
-    return Path("calibration")
-
-
-def _keep_calibration(recording: Session, file: Path) -> None:
-    if not (recording.folder / "calibration" / file.name).exists():
-        recording.copy_calibration(file)
 
 
 def summary_table(recording: Session, run: VoRun) -> Table:

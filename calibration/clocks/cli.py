@@ -201,12 +201,12 @@ def _tracked(
     film: Session, place: Path | None, scene_file: Path | None, start_heading: float | None
 ) -> Tracked:
     from calibration.clocks.joining import Tracked
-    from capture import calibration_file, read_world_calibration
-    from tracking import scene_of, session_film, track_film, usual_calibration
+    from capture import calibration_file, read_world_calibration, usual_calibrations
+    from tracking import scene_of, session_film, track_film
 
     scene, told = scene_of(scene_file, start_heading)
     click.echo(f"scene: {told}", err=True)
-    world_file = calibration_file(place or usual_calibration(film), "world")
+    world_file = calibration_file(place or usual_calibrations(film.folder, "world"), "world")
     world = read_world_calibration(world_file)
     click.echo(f"calibration: {world_file}", err=True)
     how = {"calibration_file": world_file.name, "cones_from": "this film"}

@@ -41,7 +41,7 @@ from capture import (
     read_camera_delay,
     write_yaml,
 )
-from tracking import Film, Scene, TrackResult, keep_calibration, summary, write_pictures
+from tracking import Film, Scene, TrackResult, summary, write_pictures
 
 WHEELS = ("vesc", "wheel")
 """Odometry that counts wheels."""
@@ -191,7 +191,7 @@ def write_joined(
         if tracked is None:
             keep_pictures(film, made)
         else:
-            keep_calibration(made, tracked.world_file)
+            made.adopt_calibrations([tracked.world_file])
             folder = made.folder / "ground_truth"
             write_pictures(
                 folder, tracked.film, tracked.result, tracked.world_file, tracked.scene, clip=clip
