@@ -14,6 +14,7 @@ from drivers.camera.v4l2.source import DeviceFacts, VideoMode
 from drivers.imu.mpu9250 import FakeMpu9250Bus, Mpu9250, Mpu9250Config
 from drivers.rplidar import LidarPort, RPLidar, RPLidarConfig, RPLidarModel, a2m8
 from drivers.vesc import (
+    Drive,
     DriveCommand,
     DriveLimits,
     Firmware,
@@ -139,7 +140,7 @@ class DrivenVesc:
             for t_s, wheel, steering in world.drive.commands.tolist()
         ]
         self._armed = ExitStack()
-        self._send: Callable[[float, float], None] | None = None
+        self._drive: Drive | None = None
 
     @property
     def name(self) -> str:
@@ -170,17 +171,9 @@ class DrivenVesc:
         self._controller.close()
 
     def _command(self, wheel_m_s: float, steering_rad: float) -> None:
-        if self._send is None:
-            drive = self._armed.enter_context(self._controller.arm(LIMITS))
-
-            def send(erpm: float, servo: float) -> None:
-                drive.servo(servo)
-                drive.rpm(erpm)
-
-            self._send = send
+        if self._drive is None:
+            self._drive = self._armed.enter_context(self._controller.arm(LIMITS))
         tied = self._tied
         servo = tied.steering_angle_to_servo_gain * steering_rad
-        self._send(
-            tied.direction * tied.speed_to_erpm_gain * wheel_m_s,
-            servo + tied.steering_angle_to_servo_offset,
-        )
+        self._drive.servo(servo + tied.steering_angle_to_servo_offset)
+        self._drive.rpm(tied.direction * tied.speed_to_erpm_gain * wheel_m_s)

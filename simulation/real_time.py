@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from contextlib import ExitStack
 from dataclasses import replace
@@ -10,15 +9,7 @@ from pathlib import Path
 
 from capture import SessionInfo
 from capture.clock import UtcLine, read_clock_pair
-from capture.recording.camera import CameraTranslator
-from capture.recording.imu import ImuTranslator
-from capture.recording.lidar import LidarTranslator
 from capture.recording.recorder import Limits, Recorder
-from capture.recording.rig_streams import IMAGES_WAITING
-from capture.recording.still import StillPeriod
-from capture.recording.stream import Stream
-from capture.recording.vesc import VescTranslator
-from capture.topics import ZED_LOG_NAME, ZED_TOPIC
 from drivers import PtyEmulator, SerialPort
 from drivers.camera import RealClock
 from drivers.imu.mpu9250 import Mpu9250, RealTimeMpu9250Bus
@@ -29,9 +20,7 @@ from simulation.instruments import (
     IMU_RATE_ERROR,
     LIDAR,
     VESC,
-    ZED,
     DrivenVesc,
-    Models,
     models,
     zed_of,
 )
@@ -41,6 +30,7 @@ from simulation.recordings import (
     Advance,
     CarClock,
     car_rig,
+    car_streams,
     information,
 )
 from simulation.world import World
@@ -64,16 +54,25 @@ def record_car_in_real_time(
     stereo: bool = True,
     advance: Advance = lambda _: None,
 ) -> SessionInfo:
-    """As `recordings.record_car`, in as much time as the drive takes; ends early on no error."""
+    """As `recordings.record_car`, in as much time as the drive takes."""
     made = models(world, clock.zero_ns)
-    ended = threading.Event()
+    bus = RealTimeMpu9250Bus(made.imu, start_ns=time.monotonic_ns())
+    bus.rate_error = IMU_RATE_ERROR
     with ExitStack() as stack:
         lidar = stack.enter_context(PtyEmulator(made.lidar))
         vesc = stack.enter_context(PtyEmulator(made.vesc))
-        streams = _streams(world, made, clock, lidar.path, vesc.path, commanded)
-        if stereo:
-            streams["zed"] = _zed(world, clock)
-        info = information(world, clock.pair, car_rig(world), trial)
+        config = replace(VESC, port=vesc.path)
+        streams = car_streams(
+            world,
+            clock.utc,
+            lidar=RPLidar(replace(LIDAR, port=lidar.path)),
+            vesc=DrivenVesc(world, clock.zero_ns, SerialPort, config)
+            if commanded
+            else Vesc(config),
+            imu=Mpu9250(IMU, lambda _: bus),
+            zed=zed_of(world, RealClock(), clock.zero_ns) if stereo else None,
+        )
+        info = information(world, clock.utc, car_rig(world), trial)
         recorder = Recorder(folder, info, streams, clock.utc, Limits(still_s=STILL_S))
         with recorder:
             ends_ns, told_s = clock.zero_ns + world.drive.end_ns, 0.0
@@ -82,28 +81,5 @@ def record_car_in_real_time(
                 done_s = max((now_ns - clock.zero_ns) * 1e-9, 0.0)
                 advance(done_s - told_s)
                 told_s = done_s
-                ended.wait(POLL_S)
+                time.sleep(POLL_S)
     return recorder.info
-
-
-def _zed(world: World, clock: CarClock) -> Stream:
-    pairs = CameraTranslator(clock.utc, ZED_TOPIC, ZED_LOG_NAME, "zed_left")
-    return Stream(zed_of(world, RealClock(), clock.zero_ns), pairs, ZED.rate_hz, IMAGES_WAITING)
-
-
-def _streams(
-    world: World, made: Models, clock: CarClock, lidar: str, vesc: str, commanded: bool
-) -> dict[str, Stream]:
-    bus = RealTimeMpu9250Bus(made.imu, start_ns=time.monotonic_ns())
-    bus.rate_error = IMU_RATE_ERROR
-    config, still = replace(VESC, port=vesc), StillPeriod()
-    motor = DrivenVesc(world, clock.zero_ns, SerialPort, config) if commanded else Vesc(config)
-    return {
-        "lidar": Stream(
-            RPLidar(replace(LIDAR, port=lidar)), LidarTranslator(clock.utc), LIDAR.rotation_hz
-        ),
-        "vesc": Stream(motor, VescTranslator(clock.utc, world.drawn.vesc), VESC.rate_hz),
-        "mpu9250": Stream(
-            Mpu9250(IMU, lambda _: bus), ImuTranslator(clock.utc, still), still=still
-        ),
-    }

@@ -13,20 +13,24 @@ from capture.recording.camera import CameraTranslator
 from capture.recording.imu import ImuTranslator
 from capture.recording.lidar import LidarTranslator
 from capture.recording.rig import Rig
+from capture.recording.rig_streams import IMAGES_WAITING
 from capture.recording.simulated_time import record_in_simulated_time
 from capture.recording.still import StillPeriod
 from capture.recording.stream import Stream
 from capture.recording.vesc import VescTranslator
 from capture.topics import OVERHEAD_LOG_NAME, OVERHEAD_TOPIC, ZED_LOG_NAME, ZED_TOPIC
 from capture.yaml_file import plain
-from drivers import Device
-from drivers.camera import CameraEmulator, FreeClock, V4l2Camera, V4l2Config
+from drivers.camera import CameraEmulator, FreeClock, V4l2Camera, V4l2Config, ZedCamera
+from drivers.imu.mpu9250 import Mpu9250
+from drivers.rplidar import RPLidar
+from drivers.vesc import Vesc
 from geometry import View
 from simulation.instruments import (
     IMU,
     LIDAR,
     VESC,
     ZED,
+    DrivenVesc,
     commanded_vesc_in_simulated_time,
     imu_in_simulated_time,
     lidar_in_simulated_time,
@@ -59,26 +63,20 @@ class CarClock:
     utc: UtcLine = UtcLine(CAR_ZERO_NS, START_UTC_NS)  # noqa: RUF009  frozen
 
     @property
-    def pair(self) -> ClockPair:
-        """As `session.yaml` keeps it."""
-        return ClockPair(monotonic_ns=self.utc.monotonic_ns, utc_ns=self.utc.utc_ns)
-
-    @property
     def zero_utc_ns(self) -> int:
         """World time 0 on the clock of the car's log."""
         return self.utc.utc(self.zero_ns)
 
 
-def information(world: World, clock: ClockPair, rig: Rig, trial: int | None) -> SessionInfo:
+def information(world: World, utc: UtcLine, rig: Rig, trial: int | None) -> SessionInfo:
     """What `session.yaml` says before a device has spoken."""
+    begun = datetime.fromtimestamp(utc.utc_ns * 1e-9, timezone.utc)
     return SessionInfo(
         map=world.map,
         power=world.power,
         trial=trial,
-        start_utc=datetime.fromtimestamp(clock.utc_ns * 1e-9, timezone.utc).isoformat(
-            "T", "seconds"
-        ),
-        clocks=(clock,),
+        start_utc=begun.isoformat("T", "seconds"),
+        clocks=(ClockPair(monotonic_ns=utc.monotonic_ns, utc_ns=utc.utc_ns),),
         configuration={"rig": plain(rig)},
         notes=f"simulated, seed {world.seed}",
         origin={"simulated": {"map": world.map, "power": world.power, "seed": world.seed}},
@@ -88,6 +86,28 @@ def information(world: World, clock: ClockPair, rig: Rig, trial: int | None) -> 
 def car_rig(world: World) -> Rig:
     """The rig of the car, with the figures of its plan."""
     return Rig(lidar=LIDAR, vesc=VESC, vesc_calibration=world.drawn.vesc, mpu9250=IMU, zed=ZED)
+
+
+def car_streams(
+    world: World,
+    utc: UtcLine,
+    *,
+    lidar: RPLidar,
+    vesc: Vesc | DrivenVesc,
+    imu: Mpu9250,
+    zed: ZedCamera | None,
+) -> dict[str, Stream]:
+    """The car's devices with what makes messages of them; zed : None for a car without one."""
+    still = StillPeriod()
+    streams = {
+        "lidar": Stream(lidar, LidarTranslator(utc), LIDAR.rotation_hz),
+        "vesc": Stream(vesc, VescTranslator(utc, world.drawn.vesc), VESC.rate_hz),
+        "mpu9250": Stream(imu, ImuTranslator(utc, still), still=still),
+    }
+    if zed is not None:
+        pairs = CameraTranslator(utc, ZED_TOPIC, ZED_LOG_NAME, "zed_left")
+        streams["zed"] = Stream(zed, pairs, ZED.rate_hz, IMAGES_WAITING)
+    return streams
 
 
 def record_car(
@@ -106,28 +126,19 @@ def record_car(
     remote control; stereo : with the ZED.
     """
     made, begins_ns = models(world, clock.zero_ns), clock.zero_ns - SPIN_UP_NS
-    vesc: Device[object] = (
-        commanded_vesc_in_simulated_time(world, made, begins_ns, clock.zero_ns)
+    streams = car_streams(
+        world,
+        clock.utc,
+        lidar=lidar_in_simulated_time(made, begins_ns),
+        vesc=commanded_vesc_in_simulated_time(world, made, begins_ns, clock.zero_ns)
         if commanded
-        else vesc_in_simulated_time(made, begins_ns)
+        else vesc_in_simulated_time(made, begins_ns),
+        imu=imu_in_simulated_time(made, begins_ns),
+        zed=zed_of(world, FreeClock(clock.zero_ns - SETTLE_NS), clock.zero_ns) if stereo else None,
     )
-    still = StillPeriod()
-    streams = {
-        "lidar": Stream(
-            lidar_in_simulated_time(made, begins_ns), LidarTranslator(clock.utc), LIDAR.rotation_hz
-        ),
-        "vesc": Stream(vesc, VescTranslator(clock.utc, world.drawn.vesc), VESC.rate_hz),
-        "mpu9250": Stream(
-            imu_in_simulated_time(made, begins_ns), ImuTranslator(clock.utc, still), still=still
-        ),
-    }
-    if stereo:
-        pairs = CameraTranslator(clock.utc, ZED_TOPIC, ZED_LOG_NAME, "zed_left")
-        zed = zed_of(world, FreeClock(clock.zero_ns - SETTLE_NS), clock.zero_ns)
-        streams["zed"] = Stream(zed, pairs, ZED.rate_hz)
     return record_in_simulated_time(
         folder,
-        information(world, clock.pair, car_rig(world), trial),
+        information(world, clock.utc, car_rig(world), trial),
         streams,
         clock.utc,
         starts_ns=clock.zero_ns,
@@ -163,10 +174,9 @@ def record_film(
     images = CameraTranslator(utc, OVERHEAD_TOPIC, OVERHEAD_LOG_NAME, "overhead")
     size = view.camera
     config = replace(OVERHEAD, width_px=size.width_px, height_px=size.height_px)
-    pair = ClockPair(monotonic_ns=utc.monotonic_ns, utc_ns=utc.utc_ns)
     return record_in_simulated_time(
         folder,
-        information(world, pair, Rig(overhead=config), trial),
+        information(world, utc, Rig(overhead=config), trial),
         {"overhead": Stream(V4l2Camera(config, camera.open), images, config.rate_hz)},
         utc,
         starts_ns=begins_ns,

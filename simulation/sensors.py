@@ -14,13 +14,11 @@ import numpy as np
 import numpy.typing as npt
 
 from drivers.imu import Motion, vector
-from drivers.vesc import VescCalibration, VescValues
+from drivers.vesc import VescCalibration, VescValues, counter_reading
 from geometry import Floats, compose
 from simulation.car import GRAVITY_M_S2
 from simulation.drive import Drive
 from simulation.surfaces import Surroundings
-
-_COUNTER = 1 << 32
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,7 +144,7 @@ class VescWorld:
         """The state at a time of the emulator's clock."""
         here, tied = self._drive.at(t_ns - self._zero_ns), self._calibration
         erpm = tied.direction * tied.speed_to_erpm_gain * here.wheel_m_s
-        counts = math.floor(here.counted_m / tied.metres_per_count)
+        tachometer = counter_reading(here.counted_m / tied.metres_per_count)
         return VescValues(
             t_ns,
             0,
@@ -155,7 +153,7 @@ class VescWorld:
             duty=erpm / 48_000.0,
             erpm=float(round(erpm)),
             input_voltage_v=11.6 - 0.1 * here.wheel_m_s,
-            tachometer=(counts + _COUNTER // 2) % _COUNTER - _COUNTER // 2,
-            tachometer_abs=abs(counts) % (_COUNTER // 2),
+            tachometer=tachometer,
+            tachometer_abs=abs(tachometer),
             fault=0,
         )

@@ -10,7 +10,13 @@ from drivers.vesc.commands import Command, encode_command
 from drivers.vesc.controller import VescController
 from drivers.vesc.drive import Drive, DriveCommand
 from drivers.vesc.driver import Vesc, VescConfig
-from drivers.vesc.emulated_motor import DrivenMotor, Motor, RecordedReplies, SourceMotor
+from drivers.vesc.emulated_motor import (
+    DrivenMotor,
+    Motor,
+    RecordedReplies,
+    SourceMotor,
+    counter_reading,
+)
 from drivers.vesc.emulator import VescFaults, VescModel, emulated_vesc
 from drivers.vesc.faults import fault_name
 from drivers.vesc.firmware import Firmware, parse_firmware
@@ -49,6 +55,7 @@ __all__ = [
     "VescValues",
     "advance_odometry",
     "begin_odometry",
+    "counter_reading",
     "decode_imu",
     "decode_setup",
     "decode_values",

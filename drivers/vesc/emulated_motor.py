@@ -75,8 +75,8 @@ class DrivenMotor:
             duty=self.erpm / ERPM_PER_DUTY,
             erpm=float(round(self.erpm)),
             input_voltage_v=VOLTAGE_V,
-            tachometer=_wrapped(self._counts),
-            tachometer_abs=_wrapped(self._counts_abs),
+            tachometer=counter_reading(self._counts),
+            tachometer_abs=counter_reading(self._counts_abs),
             fault=0,
         )
 
@@ -150,6 +150,6 @@ class RecordedReplies:
         return self._replies[at][1] if at < len(self._replies) else None
 
 
-def _wrapped(counts: float) -> int:
-    """A 32-bit counter's reading."""
+def counter_reading(counts: float) -> int:
+    """What a 32-bit counter that wraps shows of so many counts."""
     return (math.floor(counts) + COUNTS // 2) % COUNTS - COUNTS // 2

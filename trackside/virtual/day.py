@@ -76,6 +76,7 @@ def simulate_run(folder: Path, plan: RunPlan, steps: Steps) -> None:
         for kind in BESIDE_TRACK:
             calibration_file(plan.site, kind)  # which tells what is missing
     with new_folder(folder) as partial:
+        (partial / CAR).mkdir()
         with filming(partial, plan) as film:
             _calibrations(partial / CALIBRATION, plan, steps)
             clock = _car(partial, made, plan, steps)
@@ -92,7 +93,7 @@ def simulate_run(folder: Path, plan: RunPlan, steps: Steps) -> None:
 def simulate_site(folder: Path, steps: Steps) -> None:
     """Make `folder` with the calibrations of the site, for the `site` of runs."""
     with new_folder(folder) as partial:
-        _calibrate_car(partial, RunPlan(map="turn", power="low", seed=0))
+        _calibrate_car(partial)
         _calibrate_camera(partial, steps)
 
 
@@ -108,7 +109,8 @@ def scene_of(made: World) -> Scene:
 def _calibrations(folder: Path, plan: RunPlan, steps: Steps) -> None:
     folder.mkdir()
     if plan.site is None:
-        _calibrate_car(folder, plan)
+        # A car that drives figures is to be calibrated by them.
+        _calibrate_car(folder, calibrated=plan.map not in COMMANDED)
         if plan.filmed:
             _calibrate_camera(folder, steps)
         return
@@ -116,10 +118,10 @@ def _calibrations(folder: Path, plan: RunPlan, steps: Steps) -> None:
         (folder / file.name).write_bytes(file.read_bytes())
 
 
-def _calibrate_car(folder: Path, plan: RunPlan) -> None:
-    """What the car brings along; one that drives figures is to be calibrated by them."""
+def _calibrate_car(folder: Path, *, calibrated: bool = True) -> None:
+    """What the car brings along: the factory's file of its ZED, and what was calibrated."""
     write_calibration(folder, told_calibration())
-    if plan.map not in COMMANDED:
+    if calibrated:
         for one in car_calibrations(AS_BUILT):
             write_calibration(folder, one)
 
@@ -154,7 +156,6 @@ def filming(partial: Path, plan: RunPlan) -> Iterator[Callable[[World, CarClock,
 
     Gives what makes it or waits for it. At real pace the film needs the clock of the car first.
     """
-    (partial / CAR).mkdir()
     if not plan.filmed:
         yield lambda _made, _clock, _steps: None
         return

@@ -33,11 +33,10 @@ BOARD_VIEWS, FLOOR_PICTURES, TEXELS = 14, 20, 200
 
 def calibrated_site(
     folder: Path, view: View, advance: Callable[[int], None] = lambda _: None
-) -> tuple[Path, Path]:
-    """Write the camera's and the world's calibration into a folder; their files.
+) -> None:
+    """Write the camera's and the world's calibration into a folder, each with its verdict.
 
-    advance : told how many of the pictures were made. Raises `CalibrationError` where they are not
-    accepted, as no run could be measured with them.
+    advance : told how many of the pictures were made.
     """
     rng = np.random.default_rng(20190514)
     camera = _camera(view, rng, advance)
@@ -47,7 +46,7 @@ def calibrated_site(
     camera_file = write_calibration(folder, camera)
     how = {"source": "trackside simulate", "camera_file": camera_file.name}
     world = calibrate_world(floor, rings, camera, how).calibration
-    return camera_file, write_calibration(folder, world)
+    write_calibration(folder, world)
 
 
 def _camera(
